@@ -1,8 +1,7 @@
 //! Why a call was refused. Whatever was called is bit-identical to what it was before.
 
 /// Why a call was refused. The object that refused it is unchanged.
-#[derive(Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(not(target_os = "none"), derive(Debug))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Error {
