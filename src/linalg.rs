@@ -85,7 +85,10 @@ impl Two {
     #[inline]
     pub fn of(x: f64) -> Self {
         let hi = x as f32;
-        Self { hi, lo: (x - f64::from(hi)) as f32 }
+        Self {
+            hi,
+            lo: (x - f64::from(hi)) as f32,
+        }
     }
 
     /// The value in double precision.

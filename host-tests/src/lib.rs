@@ -1,3 +1,8 @@
 //! What the claims of navsight are measured with, on a PC: a simulator, independent double-precision twins of the
 //! kernels, recorded data, and reports.
 #![cfg_attr(target_os = "none", no_std)]
+
+#[cfg(not(target_os = "none"))]
+pub mod covariance_analysis;
+#[cfg(not(target_os = "none"))]
+pub mod lab;

@@ -1,0 +1,74 @@
+//! The lab: one program on the PC, one file per command.
+//!
+//! What every command keeps to: `--json` prints one JSON object on standard output and nothing else there; progress
+//! and messages go to standard error; exit 0 for done, 2 for bad input, with one line that says which file, line and
+//! field.
+
+pub mod covariance;
+mod error;
+
+pub use error::LabError;
+
+use std::process::ExitCode;
+
+use clap::{error::ErrorKind, Parser, Subcommand};
+
+/// What navsight can see, worked out on a PC.
+#[derive(Parser)]
+#[command(name = "lab", bin_name = "cargo lab", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Covariance analysis of one configuration: P, ξ1, ξ2 and η at chosen times
+    Covariance(covariance::Args),
+}
+
+/// Parses the command line, runs the command, and turns a failure into one line and exit code 2.
+pub fn main() -> ExitCode {
+    let done = match Cli::try_parse() {
+        Ok(cli) => match cli.command {
+            Command::Covariance(args) => covariance::run(&args),
+        },
+        Err(help)
+            if matches!(
+                help.kind(),
+                ErrorKind::DisplayHelp | ErrorKind::DisplayVersion
+            ) =>
+        {
+            print!("{help}");
+            return ExitCode::SUCCESS;
+        }
+        Err(wrong) => Err(LabError::command_line(&wrong)),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("lab: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// A progress bar on standard error, drawn only on a terminal.
+pub fn progress(steps: u64, what: &'static str) -> indicatif::ProgressBar {
+    let style = indicatif::ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}")
+        .unwrap_or_else(|_| indicatif::ProgressStyle::default_bar());
+    indicatif::ProgressBar::new(steps)
+        .with_style(style)
+        .with_message(what)
+}
+
+/// Prints one JSON object on standard output. A reader that closed the pipe is no failure.
+pub fn print_json(value: &serde_json::Value) -> Result<(), LabError> {
+    use std::io::Write;
+    match writeln!(std::io::stdout().lock(), "{value}") {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(LabError::plain(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
