@@ -30,5 +30,6 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod covariance;
 pub mod error;
 pub mod linalg;

@@ -1,0 +1,214 @@
+//! The packed triangle: how a covariance is stored, made and read.
+
+use crate::error::Error;
+use crate::linalg::{two_add, Real};
+use nalgebra::SMatrix;
+
+/// Position of element (i, j), i ≤ j, in the packed upper triangle, column after column.
+#[inline(always)]
+pub(super) const fn upper(i: usize, j: usize) -> usize {
+    j * (j + 1) / 2 + i
+}
+
+/// Position of element (i, j) or (j, i), whichever is stored.
+#[inline(always)]
+pub(super) const fn at(i: usize, j: usize) -> usize {
+    if i <= j {
+        upper(i, j)
+    } else {
+        upper(j, i)
+    }
+}
+
+/// A symmetric N × N covariance: upper triangle, column after column (element (i, j), i ≤ j, at j(j+1)/2 + i), every
+/// element the sum of a high and a low word. L = N(N+1)/2, checked when the type is used.
+///
+/// Whoever fills it divides the states by their initial σ0 first, so that every diagonal element starts at 1 and says
+/// what is left of the initial variance. That is also what single precision needs: unscaled, the worst error of the
+/// same kernels is three to four times larger.
+///
+/// The high word is the covariance to the precision of T; the low word is what the additions so far could not fit in
+/// and offer again. Symmetry is exact because one number stands for both halves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Covariance<T, const N: usize, const L: usize> {
+    pub(super) hi: [T; L],
+    pub(super) lo: [T; L],
+}
+
+/// The covariance of the 15-state filter.
+pub type Covariance15<T> = Covariance<T, 15, 120>;
+
+impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
+    /// Holds at compile time: the length of the triangle belongs to the number of states.
+    pub(super) const SIZE: () = assert!(L == N * (N + 1) / 2, "L must be N(N+1)/2");
+
+    /// Independent states with these variances.
+    ///
+    /// A variance of 0 is legal (a state known exactly); negative, NaN or infinite is refused.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`], or [`Error::Variance`] naming the first negative state.
+    pub fn from_diagonal(variance: &[T; N]) -> Result<Self, Error> {
+        const { Self::SIZE };
+        if variance.iter().any(|p| !p.finite()) {
+            return Err(Error::NonFinite);
+        }
+        if let Some(state) = variance.iter().position(|p| *p < T::zero()) {
+            return Err(Error::Variance { state: state as u8 });
+        }
+        let mut p = Self {
+            hi: [T::zero(); L],
+            lo: [T::zero(); L],
+        };
+        for (j, v) in variance.iter().enumerate() {
+            if let Some(e) = p.hi.get_mut(upper(j, j)) {
+                *e = *v;
+            }
+        }
+        Ok(p)
+    }
+
+    /// A full covariance, correlations included.
+    ///
+    /// Accepted when it is finite, symmetric to rounding (8 ε of the geometric mean of the two variances) and positive
+    /// semi-definite by its Cholesky factorisation: a pivot may fall to zero, or below it by no more than N·8 ε of its
+    /// diagonal element, provided nothing is left in its column. The mean of the two halves is stored.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`], or [`Error::NotPositive`] naming the row where symmetry or the factorisation failed.
+    pub fn from_matrix(p: &SMatrix<T, N, N>) -> Result<Self, Error> {
+        const { Self::SIZE };
+        if p.iter().any(|x| !x.finite()) {
+            return Err(Error::NonFinite);
+        }
+        check_positive(p)?;
+        let mut packed = Self {
+            hi: [T::zero(); L],
+            lo: [T::zero(); L],
+        };
+        let half = T::of(0.5);
+        for (j, column) in p.column_iter().enumerate() {
+            let row = p.row(j);
+            for (i, (a, b)) in column.iter().zip(row.iter()).enumerate().take(j + 1) {
+                if let Some(e) = packed.hi.get_mut(upper(i, j)) {
+                    *e = half * (*a + *b);
+                }
+            }
+        }
+        Ok(packed)
+    }
+
+    /// Variance of state `i`; NaN when there is no such state.
+    #[must_use]
+    pub fn variance(&self, i: usize) -> T {
+        self.element(i, i)
+    }
+
+    /// Element (i, j); NaN when there is no such element.
+    #[must_use]
+    pub fn element(&self, i: usize, j: usize) -> T {
+        if i < N && j < N {
+            if let Some(p) = self.hi.get(at(i, j)) {
+                return *p;
+            }
+        }
+        T::of(f64::NAN)
+    }
+
+    /// All variances.
+    #[must_use]
+    pub fn diagonal(&self) -> [T; N] {
+        let mut k = 0;
+        let mut step = 1;
+        [(); N].map(|()| {
+            let p = self.hi.get(k).copied().unwrap_or_else(T::zero);
+            step += 1;
+            k += step;
+            p
+        })
+    }
+
+    /// The full symmetric matrix, high words only.
+    #[must_use]
+    pub fn to_matrix(&self) -> SMatrix<T, N, N> {
+        SMatrix::from_fn(|i, j| self.element(i, j))
+    }
+
+    /// First state whose variance is not finite and positive, if there is one.
+    #[must_use]
+    pub fn broken(&self) -> Option<usize> {
+        self.diagonal()
+            .iter()
+            .position(|p| !(p.finite() && *p > T::zero()))
+    }
+
+    /// Adds `d` to the stored element at packed position `k`, compensated.
+    #[inline(always)]
+    pub(super) fn add(&mut self, k: usize, d: T) {
+        if let (Some(hi), Some(lo)) = (self.hi.get_mut(k), self.lo.get_mut(k)) {
+            (*hi, *lo) = two_add(*hi, *lo, d);
+        }
+    }
+
+    /// Column j of the symmetric matrix (high words).
+    #[inline(always)]
+    pub(super) fn column(&self, j: usize) -> [T; N] {
+        let mut k = j * (j + 1) / 2;
+        let mut i = 0;
+        [(); N].map(|()| {
+            let p = self.hi.get(k).copied().unwrap_or_else(T::zero);
+            k += if i < j { 1 } else { i + 1 };
+            i += 1;
+            p
+        })
+    }
+}
+
+/// Symmetric and positive semi-definite to rounding, by Cholesky without pivoting.
+fn check_positive<T: Real, const N: usize>(p: &SMatrix<T, N, N>) -> Result<(), Error> {
+    let slack = T::of(8.0) * T::EPSILON;
+    let deep = slack * T::of(N as f64);
+    let get =
+        |m: &SMatrix<T, N, N>, i: usize, j: usize| m.get((i, j)).copied().unwrap_or_else(T::zero);
+    // l: columns of L scaled by the root of their pivot, built in place
+    let mut l = SMatrix::<T, N, N>::zeros();
+    for j in 0..N {
+        let refuse = Err(Error::NotPositive { row: j as u8 });
+        let p_jj = get(p, j, j);
+        if p_jj < T::zero() {
+            return refuse;
+        }
+        let mut pivot = p_jj;
+        for k in 0..j {
+            pivot -= get(&l, j, k) * get(&l, j, k);
+        }
+        let zero = pivot <= deep * p_jj;
+        if pivot < -deep * p_jj {
+            return refuse;
+        }
+        let root = pivot.max(T::zero()).root();
+        for i in j + 1..N {
+            let (lower, upper) = (get(p, i, j), get(p, j, i));
+            let scale = (p_jj * get(p, i, i).max(T::zero())).root();
+            if (lower - upper).abs() > slack * scale {
+                return refuse;
+            }
+            let mut x = T::of(0.5) * (lower + upper);
+            for k in 0..j {
+                x -= get(&l, i, k) * get(&l, j, k);
+            }
+            let x = if zero {
+                if x.abs() > deep.root() * scale {
+                    return refuse;
+                }
+                T::zero()
+            } else {
+                x / root
+            };
+            if let Some(e) = l.get_mut((i, j)) {
+                *e = x;
+            }
+        }
+    }
+    Ok(())
+}
