@@ -5,4 +5,8 @@
 #[cfg(not(target_os = "none"))]
 pub mod covariance_analysis;
 #[cfg(not(target_os = "none"))]
+pub mod input;
+#[cfg(not(target_os = "none"))]
 pub mod lab;
+#[cfg(not(target_os = "none"))]
+pub mod report;

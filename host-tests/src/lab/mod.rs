@@ -6,6 +6,7 @@
 
 pub mod covariance;
 mod error;
+pub mod replay;
 
 pub use error::LabError;
 
@@ -25,6 +26,8 @@ struct Cli {
 enum Command {
     /// Covariance analysis of one configuration: P, ξ1, ξ2 and η at chosen times
     Covariance(covariance::Args),
+    /// The filter on recorded data: attitude, biases and what was observable
+    Replay(replay::Args),
 }
 
 /// Parses the command line, runs the command, and turns a failure into one line and exit code 2.
@@ -32,6 +35,7 @@ pub fn main() -> ExitCode {
     let done = match Cli::try_parse() {
         Ok(cli) => match cli.command {
             Command::Covariance(args) => covariance::run(&args),
+            Command::Replay(args) => replay::run(&args),
         },
         Err(help)
             if matches!(
