@@ -109,8 +109,7 @@ impl<R: BufRead> ImuReader<R> {
             return Ok(next.map(|s| self.finish(s)));
         }
         self.started = true;
-        let (first, second) = (self.row()?, self.row()?);
-        let (Some(mut first), Some(second)) = (first, second) else {
+        let (Some(mut first), Some(second)) = (self.row()?, self.row()?) else {
             return Err(self
                 .table
                 .refused(self.time, "the file is over before the second sample"));

@@ -55,6 +55,8 @@ pub struct Table<R> {
     fields: Vec<Range<usize>>,
     header: Vec<String>,
     header_line: usize,
+    /// The last line has been read.
+    over: bool,
 }
 
 impl Table<BufReader<File>> {
@@ -81,6 +83,7 @@ impl<R: BufRead> Table<R> {
             fields: Vec::new(),
             header: Vec::new(),
             header_line: 0,
+            over: false,
         };
         if !table.next_line()? {
             return Err(table.refused_at("t_s", "the file is empty: no header line"));
@@ -220,6 +223,9 @@ impl<R: BufRead> Table<R> {
 
     /// Reads the next line that is neither empty nor a note, and splits it.
     fn next_line(&mut self) -> Result<bool, LabError> {
+        if self.over {
+            return Ok(false);
+        }
         loop {
             self.line += 1;
             self.text.clear();
@@ -235,7 +241,8 @@ impl<R: BufRead> Table<R> {
                     self.refused_at(&field, &format!("the line is longer than {MAX_LINE} bytes"))
                 );
             }
-            if self.text.is_empty() && !whole {
+            self.over = !whole;
+            if self.text.is_empty() && self.over {
                 return Ok(false);
             }
             if self.line == 1 && self.text.starts_with(b"\xef\xbb\xbf") {
