@@ -32,4 +32,5 @@ extern crate std;
 
 pub mod covariance;
 pub mod error;
+pub mod error_model;
 pub mod linalg;
