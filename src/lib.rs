@@ -30,7 +30,12 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod attitude;
 pub mod covariance;
+pub mod earth;
 pub mod error;
 pub mod error_model;
+pub mod imu;
 pub mod linalg;
+pub mod mechanization;
+pub mod nav;

@@ -1,0 +1,295 @@
+//! The nominal state of the navigator: attitude, velocity, position, the biases it compensates, and the memory of the
+//! coning and sculling corrections.
+
+use nalgebra::{Matrix3, SVector, Vector3};
+
+use crate::attitude::{c_b_n, normalized, rotation_minus_one, Enu, Euler, RfuToEnu};
+use crate::earth::{Geodetic, Local};
+use crate::error::Error;
+use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
+use crate::linalg::Two;
+use crate::mechanization::{Step, Strapdown};
+
+/// Largest gyro bias that is compensated, per axis [rad/s].
+pub const MAX_GYRO_BIAS: f32 = 1.0;
+/// Largest accelerometer bias that is compensated, per axis [m/s²].
+pub const MAX_ACCEL_BIAS: f32 = 50.0;
+
+/// Attitude, velocity, position and compensated biases.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use navsight::{attitude::Euler, earth::Geodetic, imu::ImuIncrement, nav::NavState};
+///
+/// let start = Geodetic::from_degrees(40.0, 116.0, 100.0);
+/// let mut nav = NavState::new(start, Vector3::zeros(), Euler::from_degrees(30.0, 2.0, 1.0))?;
+/// let f_b = nav.c_b_n().transpose() * Vector3::new(0.0, 0.0, nav.local().gravity);
+/// for _ in 0..100 {
+///     nav.advance(&ImuIncrement::from_rates(Vector3::zeros(), f_b, 0.01))?;
+/// }
+/// // A gyro that does not feel the earth turn makes the level tilt at earth rate: 1 s × 5.6e-5 rad/s.
+/// assert!(nav.v_n().norm() < 1e-3);
+/// # Ok::<(), navsight::error::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NavState {
+    strapdown: Strapdown,
+    b_g: Vector3<f32>,
+    b_a: Vector3<f32>,
+    coning: ConingSculling,
+}
+
+impl NavState {
+    /// Starts at a geodetic position, with a velocity over the ground [m/s] (bare or [`Enu`], or
+    /// [`crate::attitude::Ned`]) and an attitude ([`Euler`], [`RfuToEnu`] or [`crate::attitude::FrdToNed`]); the
+    /// biases are 0.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`], [`Error::OutOfRange`], [`Error::Polar`]: see [`Geodetic::check`],
+    /// [`crate::mechanization::MAX_SPEED`] and [`crate::attitude::normalized`].
+    pub fn new(
+        position: Geodetic,
+        v_n: impl Into<Enu>,
+        attitude: impl Into<RfuToEnu>,
+    ) -> Result<Self, Error> {
+        position.check()?;
+        let v_n = v_n.into().0;
+        if !v_n.iter().all(|x| x.is_finite()) {
+            return Err(Error::NonFinite);
+        }
+        let q = normalized(attitude.into().0)?.map(|hi| Two { hi, lo: 0.0 });
+        let v_n = [v_n.x, v_n.y, v_n.z].map(|hi| Two { hi, lo: 0.0 });
+        let (lat, lon, height) = (
+            Two::of(position.lat),
+            Two::of(position.lon),
+            Two::of(position.height),
+        );
+        let mut strapdown = Strapdown {
+            q,
+            v_n,
+            lat,
+            lon,
+            height,
+            countdown: 0,
+        };
+        strapdown.admit()?;
+        strapdown.normalize();
+        Ok(Self {
+            strapdown,
+            b_g: Vector3::zeros(),
+            b_a: Vector3::zeros(),
+            coning: ConingSculling::NEW,
+        })
+    }
+
+    /// The same with these bias estimates, gyro [rad/s] and accelerometer [m/s²], body axes.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::OutOfRange`] beyond [`MAX_GYRO_BIAS`] or [`MAX_ACCEL_BIAS`].
+    pub fn with_biases(self, b_g: Vector3<f32>, b_a: Vector3<f32>) -> Result<Self, Error> {
+        check_biases(&b_g, &b_a)?;
+        Ok(Self { b_g, b_a, ..self })
+    }
+
+    /// Moves on by one sample: checks it against [`ImuLimits::DEFAULT`], takes the biases off, corrects coning and
+    /// sculling and steps the mechanization.
+    ///
+    /// # Errors
+    /// Those of [`ImuIncrement::check`] and [`Strapdown::step`]. The state is bit-identical after any of them.
+    #[inline]
+    pub fn advance(&mut self, imu: &ImuIncrement) -> Result<Step, Error> {
+        self.advance_within(imu, &ImuLimits::DEFAULT)
+    }
+
+    /// As [`NavState::advance`] with limits of one's own.
+    ///
+    /// # Errors
+    /// As [`NavState::advance`].
+    #[inline]
+    pub fn advance_within(
+        &mut self,
+        imu: &ImuIncrement,
+        limits: &ImuLimits,
+    ) -> Result<Step, Error> {
+        imu.check(limits)?;
+        let (t, v, dt) = (&imu.delta_theta_b, &imu.delta_v_b, imu.dt);
+        let (b_g, b_a) = (&self.b_g, &self.b_a);
+        let free = ImuIncrement {
+            delta_theta_b: Vector3::new(t.x - b_g.x * dt, t.y - b_g.y * dt, t.z - b_g.z * dt),
+            delta_v_b: Vector3::new(v.x - b_a.x * dt, v.y - b_a.y * dt, v.z - b_a.z * dt),
+            dt,
+        };
+        let step = self.strapdown.step(&self.coning.correct(&free))?;
+        self.coning.remember(&free);
+        Ok(step)
+    }
+
+    /// Takes an error estimate δx out of the state, in the order and signs of the crate's conventions.
+    ///
+    /// ```text
+    /// L  ← L − δr_N/(R_M+h),   λ ← λ − δr_E/((R_N+h) cos L),   h ← h − δr_U
+    /// v  ← exp([δθ×]) (v − δv),        δθ = (−δr_N/(R_M+h), δr_E/(R_N+h), δr_E tan L/(R_N+h))
+    /// C  ← exp([(ψ+δθ)×]) C
+    /// b_g ← b_g + δb_g,   b_a ← b_a + δb_a
+    /// ```
+    /// The rotations are proper ones at any angle up to one turn.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::OutOfRange`] for an attitude correction of more than one turn or a result
+    /// outside what the state accepts; [`Error::Polar`]. The state is bit-identical after any of them.
+    pub fn correct(&mut self, dx: &SVector<f32, 15>) -> Result<(), Error> {
+        if !dx.iter().all(|x| x.is_finite()) {
+            return Err(Error::NonFinite);
+        }
+        let local = self.local();
+        let delta_theta = Vector3::new(
+            -dx[1] * local.inv_r_m,
+            dx[0] * local.inv_r_n,
+            dx[0] * local.inv_r_n * local.tan_lat,
+        );
+        let phi = Vector3::new(dx[6], dx[7], dx[8]) + delta_theta;
+        // Sums of squares of finite numbers: ∞ at worst, never NaN.
+        if phi.norm_squared() > core::f32::consts::TAU * core::f32::consts::TAU {
+            return Err(Error::OutOfRange);
+        }
+        let mut next = *self;
+        next.b_g += Vector3::new(dx[9], dx[10], dx[11]);
+        next.b_a += Vector3::new(dx[12], dx[13], dx[14]);
+        check_biases(&next.b_g, &next.b_a)?;
+
+        let s = &mut next.strapdown;
+        s.lat.add(-dx[1] * local.inv_r_m);
+        s.lon.add(-dx[0] * (local.inv_r_n * local.inv_cos_lat));
+        s.height.add(-dx[2]);
+        // v − δv, then the turn as v + (C(δθ) − I) v
+        for (v, d) in s.v_n.iter_mut().zip([dx[3], dx[4], dx[5]]) {
+            v.add(-d);
+        }
+        let v = Vector3::new(s.v_n[0].hi, s.v_n[1].hi, s.v_n[2].hi);
+        let e = rotation_minus_one(&delta_theta);
+        let axis = Vector3::new(e[1], e[2], e[3]);
+        let t = 2.0 * axis.cross(&v);
+        let turned = t * (1.0 + e[0]) + axis.cross(&t);
+        for (v, d) in s.v_n.iter_mut().zip([turned.x, turned.y, turned.z]) {
+            v.add(d);
+        }
+        // (exp(φ/2) − 1) ∘ q
+        let e = rotation_minus_one(&phi);
+        let d = crate::attitude::product(&e, &s.q.map(|w| w.hi));
+        for (q, d) in s.q.iter_mut().zip(d) {
+            q.add(d);
+        }
+        s.admit()?;
+        s.normalize();
+        *self = next;
+        Ok(())
+    }
+
+    /// A copy that has been [corrected](NavState::correct), for finite differences and previews. A δx that `correct`
+    /// refuses leaves the copy as it was.
+    pub fn corrected(&self, dx: &SVector<f32, 15>) -> Self {
+        let mut next = *self;
+        let _ = next.correct(dx);
+        next
+    }
+
+    /// Velocity over the ground, east-north-up [m/s].
+    pub fn v_n(&self) -> Vector3<f32> {
+        let v = &self.strapdown.v_n;
+        Vector3::new(v[0].hi, v[1].hi, v[2].hi)
+    }
+
+    /// Direction cosine matrix, body to n.
+    pub fn c_b_n(&self) -> Matrix3<f32> {
+        c_b_n(self.quaternion())
+    }
+
+    /// Unit quaternion (w, x, y, z), body to n.
+    pub fn quaternion(&self) -> [f32; 4] {
+        self.strapdown.q.map(|w| w.hi)
+    }
+
+    /// Heading, pitch and roll.
+    pub fn euler(&self) -> Euler {
+        Euler::from_c_b_n(&self.c_b_n())
+    }
+
+    /// Position in double precision.
+    pub fn position(&self) -> Geodetic {
+        let s = &self.strapdown;
+        Geodetic {
+            lat: s.lat.wide(),
+            lon: s.lon.wide(),
+            height: s.height.wide(),
+        }
+    }
+
+    /// Geodetic latitude to f32 precision [rad]; for a difference of positions use [`NavState::displacement_to`].
+    pub fn lat(&self) -> f32 {
+        self.strapdown.lat.hi
+    }
+
+    /// Longitude to f32 precision, in [−π, π] [rad].
+    pub fn lon(&self) -> f32 {
+        self.strapdown.lon.hi
+    }
+
+    /// Ellipsoidal height to f32 precision [m].
+    pub fn height(&self) -> f32 {
+        self.strapdown.height.hi
+    }
+
+    /// Compensated gyro bias, body axes [rad/s].
+    pub fn b_g(&self) -> Vector3<f32> {
+        self.b_g
+    }
+
+    /// Compensated accelerometer bias, body axes [m/s²].
+    pub fn b_a(&self) -> Vector3<f32> {
+        self.b_a
+    }
+
+    /// Trigonometry, radii and gravity at the present position.
+    pub fn local(&self) -> Local {
+        Local::at_words(self.strapdown.lat, self.strapdown.height.hi)
+    }
+
+    /// Attitude, velocity and position in two words each.
+    pub fn strapdown(&self) -> &Strapdown {
+        &self.strapdown
+    }
+
+    /// East, north and up displacement from here to another position [m], by the radii of curvature here: the
+    /// innovation z − h(x̂) of a position fix. Exact to f32 rounding of the displacement's own size for the short way
+    /// around the earth; second-order terms of a displacement s are about s² tan L/R.
+    ///
+    /// # Errors
+    /// Those of [`Geodetic::check`].
+    pub fn displacement_to(&self, there: &Geodetic) -> Result<Vector3<f32>, Error> {
+        there.check()?;
+        const TURN: f64 = core::f64::consts::TAU;
+        let (here, local) = (self.position(), self.local());
+        let mut d_lon = there.lon - here.lon;
+        // Both are within ±2π, so two turns are enough.
+        for _ in 0..2 {
+            if d_lon.abs() > 0.5 * TURN {
+                d_lon -= if d_lon > 0.0 { TURN } else { -TURN };
+            }
+        }
+        Ok(Vector3::new(
+            d_lon as f32 * (local.r_n * local.cos_lat),
+            (there.lat - here.lat) as f32 * local.r_m,
+            (there.height - here.height) as f32,
+        ))
+    }
+}
+
+fn check_biases(b_g: &Vector3<f32>, b_a: &Vector3<f32>) -> Result<(), Error> {
+    if !b_g.iter().chain(b_a.iter()).all(|x| x.is_finite()) {
+        return Err(Error::NonFinite);
+    }
+    if b_g.amax() > MAX_GYRO_BIAS || b_a.amax() > MAX_ACCEL_BIAS {
+        return Err(Error::OutOfRange);
+    }
+    Ok(())
+}
