@@ -37,5 +37,6 @@ pub mod error;
 pub mod error_model;
 pub mod imu;
 pub mod linalg;
+pub mod measurement;
 pub mod mechanization;
 pub mod nav;

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::earth::{normal_gravity, omega_en_n, radii, Local, OMEGA_IE};
 use crate::linalg::Real;
 
 /// Earth rate, transport rate, gravity and radii at the place where F is built.
@@ -30,22 +31,17 @@ impl<T: Real> Environment<T> {
     /// WGS-84 at geodetic latitude `lat` [rad] and ellipsoidal height [m], moving with `v_n` [m/s].
     ///
     /// Keep |lat| ≤ 80°: tan L has no bound at the pole. Computed in double precision and rounded once, so it is for
-    /// analysis and tests; a filter on a small core hands in what its mechanization has cached.
+    /// analysis and tests; a filter on a small core uses [`Environment::from_local`].
     pub fn wgs84(lat: f64, height: f64, v_n: Vector3<T>) -> Self {
         let (sin_lat, cos_lat) = (libm::sin(lat), libm::cos(lat));
-        let (a, e2, s2) = (6_378_137.0, 6.694_379_990_141_316e-3, sin_lat * sin_lat);
-        let w2 = 1.0 - e2 * s2;
-        let r_n = a / libm::sqrt(w2);
-        let r_m = r_n * (1.0 - e2) / w2;
-        let gravity = 9.780_325_335_9 * (1.0 + 1.931_852_652_41e-3 * s2) / libm::sqrt(w2)
-            - 3.0877e-6 * height;
+        let (r_m, r_n) = radii(sin_lat);
         Self::build(
             sin_lat,
             cos_lat,
             r_m + height,
             r_n + height,
-            gravity,
-            7.292_115e-5,
+            normal_gravity(sin_lat, height),
+            OMEGA_IE,
             v_n,
         )
     }
@@ -74,10 +70,10 @@ impl<T: Real> Environment<T> {
         omega_ie: f64,
         v_n: Vector3<T>,
     ) -> Self {
-        let (tan, v_e, v_north) = (sin / cos, v_n.x.wide(), v_n.y.wide());
+        let tan = sin / cos;
         Self {
             omega_ie_n: Vector3::new(0.0, omega_ie * cos, omega_ie * sin).map(T::of),
-            omega_en_n: Vector3::new(-v_north / r_m, v_e / r_n, v_e * tan / r_n).map(T::of),
+            omega_en_n: omega_en_n(&v_n.map(T::wide), r_m, r_n, tan).map(T::of),
             gravity: T::of(gravity),
             r_m: T::of(r_m),
             r_n: T::of(r_n),
@@ -112,5 +108,21 @@ impl<T: Real> Environment<T> {
     pub fn gravity_gradient(&self) -> Vector3<T> {
         let (m, n) = (self.gravity / self.r_m, self.gravity / self.r_n);
         Vector3::new(-n, -m, m + n)
+    }
+}
+
+impl Environment<f32> {
+    /// From the values that the mechanization keeps of its place, moving with `v_n` [m/s].
+    #[inline(always)]
+    pub fn from_local(local: &Local, v_n: &Vector3<f32>) -> Self {
+        Self {
+            omega_ie_n: local.omega_ie_n(),
+            omega_en_n: local.omega_en_n(v_n),
+            gravity: local.gravity,
+            r_m: local.r_m,
+            r_n: local.r_n,
+            tan_lat: local.tan_lat,
+            v_n: *v_n,
+        }
     }
 }

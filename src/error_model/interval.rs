@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{BiasModel, Environment, NoiseDensity, ATT, BA, BG, POS, VEL};
 use crate::error::Error;
 use crate::linalg::{BlockTransition, Real};
+use crate::mechanization::Step;
 
 /// What the covariance needs to know of the motion since it was last propagated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +41,14 @@ impl<T: Real> Interval<T> {
         self.c_dt += c_b_n * dt;
         self.f_dt += delta_v_n;
         self.dt += dt;
+    }
+}
+
+impl Interval<f32> {
+    /// Adds one step of the mechanization.
+    #[inline(always)]
+    pub fn accumulate(&mut self, step: &Step) {
+        self.add(&step.c_b_n, &step.delta_v_n, step.dt);
     }
 }
 

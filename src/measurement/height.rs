@@ -1,0 +1,51 @@
+//! A measured height: a barometer, a known place, a water surface.
+
+use nalgebra::SVector;
+
+use super::{check_interval, variance, Jacobian, Linearized};
+use crate::earth::{MAX_HEIGHT, MIN_HEIGHT};
+use crate::error::Error;
+use crate::error_model::POS;
+use crate::linalg::Two;
+use crate::nav::NavState;
+
+/// Ellipsoidal height: z = h + noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Height {
+    z: Two,
+    r: f32,
+    interval: f32,
+}
+
+impl Height {
+    /// Height above the ellipsoid [m], its 1σ [m], and the nominal interval between two such updates [s] (zero:
+    /// unknown).
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::OutOfRange`] outside [`MIN_HEIGHT`]..[`MAX_HEIGHT`]; and those of [`variance`].
+    pub fn new(z: f64, sigma: f32, interval: f32) -> Result<Self, Error> {
+        if !z.is_finite() {
+            return Err(Error::NonFinite);
+        }
+        if !(f64::from(MIN_HEIGHT)..=f64::from(MAX_HEIGHT)).contains(&z) {
+            return Err(Error::OutOfRange);
+        }
+        Ok(Self {
+            z: Two::of(z),
+            r: variance(sigma)?,
+            interval: check_interval(interval)?,
+        })
+    }
+
+    /// ν = h_z − ĥ, a row −1 on δr_U.
+    pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
+        let height = nav.strapdown().height;
+        Linearized {
+            nu: SVector::from([(self.z.hi - height.hi) + (self.z.lo - height.lo)]),
+            h: Jacobian::Direct { first: POS + 2 }, // δr is estimate minus truth
+            r: SVector::from([self.r]),
+            interval: self.interval,
+        }
+    }
+}
