@@ -30,11 +30,13 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod alignment;
 pub mod attitude;
 pub mod covariance;
 pub mod earth;
 pub mod error;
 pub mod error_model;
+pub mod filter;
 pub mod imu;
 pub mod linalg;
 pub mod measurement;

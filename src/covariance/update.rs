@@ -79,6 +79,19 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &mut self,
         rows: &Rows<T, M, N>,
     ) -> Result<Update<T, M, N>, Error> {
+        self.update_if(rows, |_| Ok(()))
+    }
+
+    /// As [`Covariance::update`], and `accept` has the last word: it is handed δx when everything else has been
+    /// checked and nothing has been written yet. Its error is returned, the covariance then bit-identical.
+    ///
+    /// # Errors
+    /// Those of [`Covariance::update`] and of `accept`.
+    pub fn update_if<const M: usize>(
+        &mut self,
+        rows: &Rows<T, M, N>,
+        accept: impl FnOnce(&[T; N]) -> Result<(), Error>,
+    ) -> Result<Update<T, M, N>, Error> {
         const { Self::SIZE };
         check(rows)?;
         // c[m] = P h_mᵀ (its negative for direct rows, whose innovation then changes sign as well), g = H P Hᵀ
@@ -150,6 +163,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 return Err(Error::Variance { state: j as u8 });
             }
         }
+        accept(&u.dx)?;
         if u.accepted.iter().any(|a| *a) {
             self.sweep(&c, &q.inverse);
         }

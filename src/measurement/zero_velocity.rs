@@ -27,6 +27,11 @@ impl ZeroVelocity {
         })
     }
 
+    /// Nominal interval between two such updates [s], zero or below when unknown.
+    pub fn interval(&self) -> f32 {
+        self.interval
+    }
+
     /// ν = −v̂_n, rows −1 on δv.
     ///
     /// Left out: a position correction re-levels v̂ by δθ, which moves ν by at most |v̂|·|δr|/(R cos L), nothing at a

@@ -1,0 +1,318 @@
+//! The navigator with its 15-state error-state Kalman filter: samples in, solution and its covariance out.
+//!
+//! One IMU sample costs one mechanization step. The covariance moves when a measurement arrives or a configured
+//! interval has passed, with ∫C dt and ∫f dt collected in between. Errors are fed back into the nominal state at every
+//! update, so the error state itself is zero between calls and is not stored.
+//!
+//! Every call returns a typed outcome. A refused sample or measurement leaves the filter bit for bit as it was.
+
+mod report;
+mod settings;
+
+pub use report::UpdateReport;
+pub use settings::{Prior, Settings, MAX_STEP};
+
+use crate::covariance::{Covariance15, Observation, Rows};
+use crate::error::Error;
+use crate::error_model::{block_transition, Environment, Interval, Scaling, N};
+use crate::imu::ImuIncrement;
+use crate::linalg::{Real, Two};
+use crate::measurement::{Jacobian, Linearized};
+use crate::nav::NavState;
+use nalgebra::{SMatrix, SVector};
+
+/// Largest |ν| [unit of z] and |h| that a measurement may hold: far beyond any sensor, and small enough for the squares
+/// and products of the update to stay inside f32.
+const MAX_MAGNITUDE: f32 = 1e9;
+/// Largest noise variance that a measurement may hold: a standard deviation of the same size.
+const MAX_VARIANCE: f32 = MAX_MAGNITUDE * MAX_MAGNITUDE;
+
+/// The navigator and its filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filter {
+    nav: NavState,
+    covariance: Covariance15<f32>,
+    scaling: Scaling<f32>,
+    sigma0: [f32; N],
+    interval: Interval<f32>,
+    settings: Settings,
+    time: Two,
+    normalised: u16,
+}
+
+impl Filter {
+    /// A filter that starts at `nav`, known as well as `prior` says, its states uncorrelated.
+    ///
+    /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`] for a prior or a setting that cannot be.
+    pub fn new(nav: NavState, prior: &Prior, settings: Settings) -> Result<Self, Error> {
+        let sigma0 = prior.sigma0()?;
+        let mut unit = [0.0; N];
+        for (p, &sigma) in unit.iter_mut().zip(&sigma0) {
+            *p = if sigma > 0.0 { 1.0 } else { 0.0 };
+        }
+        Self::start(nav, sigma0, Covariance15::from_diagonal(&unit)?, settings)
+    }
+
+    /// A filter that starts at `nav` with the full covariance `p0` (15×15, SI, state order of [`crate::error_model`]).
+    ///
+    /// Errors: as [`Filter::new`], and [`Error::NotPositive`] when `p0` is not symmetric positive semi-definite.
+    pub fn with_covariance(
+        nav: NavState,
+        p0: &SMatrix<f32, N, N>,
+        settings: Settings,
+    ) -> Result<Self, Error> {
+        let mut sigma0 = [0.0; N];
+        for (sigma, &var) in sigma0.iter_mut().zip(p0.diagonal().iter()) {
+            if !var.finite() {
+                return Err(Error::NonFinite);
+            }
+            if var < 0.0 {
+                return Err(Error::OutOfRange);
+            }
+            *sigma = libm::sqrtf(var);
+        }
+        let unit = sigma0.map(unit_of);
+        let mut correlation = *p0;
+        for (mut column, &u) in correlation.column_iter_mut().zip(&unit) {
+            for (x, &v) in column.iter_mut().zip(&unit) {
+                *x = *x / u / v;
+            }
+        }
+        for (i, &sigma) in sigma0.iter().enumerate() {
+            // exactly one, whatever the root rounded to: ξ2 must start at 1
+            if let Some(x) = correlation.get_mut((i, i)) {
+                *x = if sigma > 0.0 { 1.0 } else { 0.0 };
+            }
+        }
+        Self::start(
+            nav,
+            sigma0,
+            Covariance15::from_matrix(&correlation)?,
+            settings,
+        )
+    }
+
+    fn start(
+        nav: NavState,
+        sigma0: [f32; N],
+        covariance: Covariance15<f32>,
+        settings: Settings,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        let scaling = Scaling::new(&sigma0, &settings.bias, &settings.noise)?;
+        let mut normalised = 0;
+        for (i, &sigma) in sigma0.iter().enumerate() {
+            normalised |= u16::from(sigma > 0.0) << i;
+        }
+        Ok(Self {
+            nav,
+            covariance,
+            scaling,
+            sigma0: sigma0.map(unit_of),
+            interval: Interval::default(),
+            settings,
+            time: Two::of(0.0),
+            normalised,
+        })
+    }
+
+    /// Takes one IMU sample: the nominal state advances, and the covariance with it once enough time has gathered.
+    ///
+    /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`], [`Error::Time`], [`Error::Polar`] from the door of the
+    /// mechanization; the filter is then unchanged.
+    pub fn propagate(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
+        let step = self.nav.advance_within(imu, &self.settings.limits)?;
+        self.interval.add(&step.c_b_n, &step.delta_v_n, step.dt);
+        self.time.add(step.dt);
+        // Half a sample early rather than half a sample late, whatever the rounding of the sum.
+        if self.interval.dt + 0.5 * step.dt >= self.settings.propagation_interval {
+            self.synchronize();
+        }
+        Ok(())
+    }
+
+    /// Brings the covariance to the time of the last sample.
+    ///
+    /// Calls of [`Filter::update`] do this by themselves; a log that wants σ between updates calls it first.
+    pub fn synchronize(&mut self) {
+        let total = self.interval.dt;
+        if total <= 0.0 {
+            return;
+        }
+        let environment = self.environment();
+        let mut parts = 1u8;
+        while total > f32::from(parts) * (1.5 * MAX_STEP) && parts < u8::MAX {
+            parts += 1;
+        }
+        let share = 1.0 / f32::from(parts);
+        let part = Interval {
+            c_dt: self.interval.c_dt * share,
+            f_dt: self.interval.f_dt * share,
+            dt: total * share,
+        };
+        let transition = block_transition(&environment, &part, &self.scaling);
+        for _ in 0..parts {
+            self.covariance.propagate_blocks(&transition);
+        }
+        self.interval = Interval::default();
+    }
+
+    /// Uses one measurement of M rows: gates it, corrects the nominal state, and reports what happened.
+    ///
+    /// Rows beyond their gate are reported and not used. Errors: [`Error::NonFinite`] and [`Error::OutOfRange`] for a
+    /// measurement that cannot be or a correction that the nominal state does not accept; [`Error::InnovationVariance`] and [`Error::Variance`] when the
+    /// covariance itself is broken, which a reset must answer: estimate and covariance are then those of the present,
+    /// without this measurement.
+    pub fn update<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+    ) -> Result<UpdateReport<M>, Error> {
+        check(measurement)?;
+        let (rows, row_unit) = self.normalise(measurement);
+        if !rows.nu.iter().chain(&rows.r).all(|x| x.finite()) {
+            return Err(Error::OutOfRange);
+        }
+        self.synchronize();
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let update = self.covariance.update_if(&rows, |dx: &[f32; N]| {
+            let dx = SVector::<f32, N>::from(*dx).component_mul(&SVector::from(*sigma0));
+            nav.correct(&dx)
+        })?;
+        let mut s = update.s;
+        for (s, &unit) in s.iter_mut().zip(&row_unit) {
+            *s *= unit * unit;
+        }
+        Ok(UpdateReport {
+            nu: measurement.nu.into(),
+            s,
+            row_nis: update.row_nis,
+            nis: update.nis,
+            accepted: update.accepted,
+            p_before: update.p_before,
+            p_after: update.p_after,
+            normalised: self.normalised,
+            interval: measurement.interval,
+        })
+    }
+
+    /// The rows in σ0 units, and the unit by which each row was divided.
+    fn normalise<const M: usize>(
+        &self,
+        measurement: &Linearized<M>,
+    ) -> (Rows<f32, M, N>, [f32; M]) {
+        let mut unit = [1.0; M];
+        let h = match &measurement.h {
+            Jacobian::Direct { first } => {
+                for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
+                    *u = sigma;
+                }
+                Observation::Direct { first: *first }
+            }
+            Jacobian::Dense(h) => {
+                let mut h = *h;
+                for (mut column, &sigma) in h.column_iter_mut().zip(&self.sigma0) {
+                    column *= sigma;
+                }
+                Observation::Dense(h)
+            }
+        };
+        let (mut nu, mut r) = ([0.0; M], [0.0; M]);
+        for ((to, &x), &u) in nu.iter_mut().zip(measurement.nu.iter()).zip(&unit) {
+            *to = x / u;
+        }
+        for ((to, &x), &u) in r.iter_mut().zip(measurement.r.iter()).zip(&unit) {
+            *to = x / (u * u);
+        }
+        (
+            Rows {
+                nu,
+                h,
+                r,
+                gate: self.settings.gate,
+            },
+            unit,
+        )
+    }
+
+    /// What the error model needs to know about the earth where the vehicle is.
+    pub fn environment(&self) -> Environment<f32> {
+        Environment::from_local(&self.nav.local(), &self.nav.v_n())
+    }
+
+    /// The navigation solution.
+    pub fn nav(&self) -> &NavState {
+        &self.nav
+    }
+
+    /// Standard deviation of a state, SI; None beyond the last state or when its variance is not a number ≥ 0.
+    pub fn sigma(&self, state: usize) -> Option<f32> {
+        let p = self.covariance.variance(state);
+        let sigma0 = self.sigma0.get(state)?;
+        (p >= 0.0).then(|| libm::sqrtf(p) * sigma0)
+    }
+
+    /// The covariance in σ0 units: element (i, j) times σ0ᵢ σ0ⱼ is SI.
+    pub fn covariance(&self) -> &Covariance15<f32> {
+        &self.covariance
+    }
+
+    /// The unit of each state: its standard deviation at the start, 1 where that was zero.
+    pub fn sigma0(&self) -> &[f32; N] {
+        &self.sigma0
+    }
+
+    /// Settings that the filter was started with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The error-model coefficients in σ0 units, for metrics that need F.
+    pub fn scaling(&self) -> &Scaling<f32> {
+        &self.scaling
+    }
+
+    /// Seconds of samples taken so far.
+    pub fn time(&self) -> f64 {
+        self.time.wide()
+    }
+}
+
+/// Unit of a state that started with this standard deviation.
+fn unit_of(sigma: f32) -> f32 {
+    if sigma > 0.0 {
+        sigma
+    } else {
+        1.0
+    }
+}
+
+/// Refuses what no sensor can have sent.
+fn check<const M: usize>(measurement: &Linearized<M>) -> Result<(), Error> {
+    if !measurement.interval.finite() {
+        return Err(Error::NonFinite);
+    }
+    for &nu in measurement.nu.iter() {
+        within(nu, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+    }
+    for &r in measurement.r.iter() {
+        within(r, f32::MIN_POSITIVE, MAX_VARIANCE)?;
+    }
+    match &measurement.h {
+        Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),
+        Jacobian::Direct { .. } => Ok(()),
+        Jacobian::Dense(h) => h
+            .iter()
+            .try_for_each(|&h| within(h, -MAX_MAGNITUDE, MAX_MAGNITUDE)),
+    }
+}
+
+/// Refuses numbers outside `low` … `high`.
+fn within(x: f32, low: f32, high: f32) -> Result<(), Error> {
+    if !x.finite() {
+        Err(Error::NonFinite)
+    } else if (low..=high).contains(&x) {
+        Ok(())
+    } else {
+        Err(Error::OutOfRange)
+    }
+}

@@ -1,0 +1,35 @@
+//! What one measurement update shows from outside.
+
+use crate::error_model::N;
+
+/// One measurement update of M rows, as the filter saw it.
+///
+/// Everything that observability, verdicts and logs need is in here; none of them looks into the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UpdateReport<const M: usize> {
+    /// Innovation z − h(x̂) of each row as it was given, unit of z.
+    pub nu: [f32; M],
+    /// Its variance h P hᵀ + R before any row of this update was used, unit of z squared.
+    pub s: [f32; M],
+    /// Normalised innovation squared of each row after the rows before it, dimensionless: χ² with one degree of freedom.
+    pub row_nis: [f32; M],
+    /// Normalised innovation squared of the accepted rows together: χ² with as many degrees of freedom as rows.
+    pub nis: f32,
+    /// Whether each row passed its gate. A row that did not taught the filter nothing.
+    pub accepted: [bool; M],
+    /// Variances just before the update, as a fraction of those that the filter was started with.
+    pub p_before: [f32; N],
+    /// Variances just after the update, likewise.
+    pub p_after: [f32; N],
+    /// Bit `i` is set when state `i` was started with a variance above zero; the others have no ξ.
+    pub normalised: u16,
+    /// Nominal interval of this measurement [s], the T of ξ1; zero or less when unknown.
+    pub interval: f32,
+}
+
+impl<const M: usize> UpdateReport<M> {
+    /// Number of rows that were used.
+    pub fn rows_accepted(&self) -> usize {
+        self.accepted.iter().filter(|&&used| used).count()
+    }
+}
