@@ -1,1 +1,99 @@
-fn main() {}
+//! `cargo xtask COMMAND`: the one way to run things in navsight, for people and for CI.
+//!
+//! Every command does its own set-up: on a machine with Rust (by rustup), git and Debian packages nothing has to be
+//! prepared.
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+mod bench;
+mod builds;
+mod debian;
+mod golden;
+mod packages;
+mod pairs;
+mod panics;
+mod qemu;
+mod report;
+mod shell;
+mod size;
+mod test;
+mod toolchain;
+
+#[derive(Parser)]
+#[command(
+    name = "cargo xtask",
+    bin_name = "cargo xtask",
+    about = "Builds, checks and measures navsight"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Bring the bare-metal Rust targets, QEMU and the small tools; does nothing where they are
+    Setup,
+    /// Run every check: format, clippy, host tests, bare-metal builds, panic proof, QEMU comparison, budgets
+    Test {
+        /// The long runs too (the ignored tests, in release)
+        #[arg(long)]
+        full: bool,
+    },
+    /// Build the library for the four bare targets, each feature alone and all together; clippy and docs
+    Thumb,
+    /// Run every example on the host and on a Cortex-M4F in QEMU, and compare what they print, byte for byte
+    Qemu,
+    /// Count instructions and stack on the Cortex-M4F, write BENCHMARKS.md, compare with the budgets
+    Bench {
+        /// Print one JSON list and nothing else on standard output
+        #[arg(long)]
+        json: bool,
+        /// Take what was measured as the new budgets
+        #[arg(long)]
+        accept: bool,
+    },
+    /// Flash per room and RAM per state
+    Size,
+    /// Prove at link time that no panic path survives, at opt-level 3 and "s"
+    PanicFree,
+    /// Compare the golden traces
+    Golden {
+        /// Rewrite them
+        #[arg(long)]
+        accept: bool,
+    },
+}
+
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("{error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> Result<ExitCode> {
+    match command {
+        Command::Setup => {
+            let toolchain = toolchain::ready()?;
+            packages::ready(&packages::ALL)?;
+            eprintln!("bare-metal targets: {toolchain}; QEMU {}", qemu::version()?);
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Test { full } => test::run(full),
+        Command::Thumb => report::standalone(|report| builds::bare(report, &toolchain::ready()?)),
+        Command::Qemu => report::standalone(|report| pairs::compare(report, &toolchain::ready()?)),
+        Command::Bench { json, accept } => bench::run(json, accept),
+        Command::Size => size::run(),
+        Command::PanicFree => {
+            report::standalone(|report| panics::prove(report, &toolchain::ready()?))
+        }
+        Command::Golden { accept } => golden::run(accept),
+    }
+}
