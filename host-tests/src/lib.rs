@@ -10,3 +10,5 @@ pub mod input;
 pub mod lab;
 #[cfg(not(target_os = "none"))]
 pub mod report;
+#[cfg(not(target_os = "none"))]
+pub mod simulator;
