@@ -128,6 +128,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         })
     }
 
+    /// The stored words, high and low: upper triangle, column after column.
+    #[must_use]
+    pub fn words(&self) -> (&[T; L], &[T; L]) {
+        (&self.hi, &self.lo)
+    }
+
     /// The full symmetric matrix, high words only.
     #[must_use]
     pub fn to_matrix(&self) -> SMatrix<T, N, N> {

@@ -47,6 +47,9 @@ pub struct Update<T, const M: usize, const N: usize> {
     pub accepted: [bool; M],
     /// Estimated state error: subtract it from the estimate.
     pub dx: [T; N],
+    /// p⁻ − p⁺ of each state, summed from the update's own terms: right where the difference of the two variances
+    /// would be rounding. Never negative.
+    pub decrease: [T; N],
     /// Variances before.
     pub p_before: [T; N],
     /// Variances after.
@@ -132,6 +135,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             row_nis: [T::zero(); M],
             accepted: [false; M],
             dx: [T::zero(); N],
+            decrease: [T::zero(); N],
             p_before: [T::zero(); N],
             p_after: [T::zero(); N],
         };
@@ -157,6 +161,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 continue;
             };
             u.dx[j] = x;
+            u.decrease[j] = d;
             u.p_before[j] = *hi;
             u.p_after[j] = two_add(*hi, *lo, -d).0;
             if !(u.p_after[j] > T::zero() && u.p_after[j].finite()) {
