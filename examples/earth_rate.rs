@@ -1,26 +1,30 @@
-//! Sums of many small increments: a two-word number against a plain one. Prints the bits of both after every decade.
+//! The earth under a vehicle at a few latitudes: radii of curvature, gravity, earth rate, transport rate.
 //!
-//! Expect the plain sum to stop growing, and the same bits on the host and on a Cortex-M4F.
+//! Prints bit patterns: the host and a Cortex-M4F agree in every bit.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-use navsight::linalg::Two;
+use nalgebra::Vector3;
+use navsight::earth::Local;
 
 fn run(out: &mut impl core::fmt::Write) -> core::fmt::Result {
-    let increment = 7.292115e-7_f32; // the earth's rotation in 10 ms [rad]
-    let mut two = Two::of(1.0);
-    let mut plain = 1.0_f32;
-    for n in 1..=100_000 {
-        two.add(increment);
-        plain += increment;
-        if [10, 100, 1_000, 10_000, 100_000].contains(&n) {
-            writeln!(
-                out,
-                "{n:>6} {:08x} {:08x} {:08x}",
-                two.hi.to_bits(),
-                two.lo.to_bits(),
-                plain.to_bits()
-            )?;
+    let v_n = Vector3::new(200.0, -30.0, 1.0);
+    for lat_deg in [-80, -45, 0, 30, 60, 80] {
+        let local = Local::at((lat_deg as f32).to_radians(), 1000.0);
+        write!(out, "{lat_deg:>3}")?;
+        let (ie, en) = (local.omega_ie_n(), local.omega_en_n(&v_n));
+        for x in [
+            local.r_m,
+            local.r_n,
+            local.gravity,
+            ie.y,
+            ie.z,
+            en.x,
+            en.y,
+            en.z,
+        ] {
+            write!(out, " {:08x}", x.to_bits())?;
         }
+        writeln!(out)?;
     }
     Ok(())
 }
