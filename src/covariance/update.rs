@@ -164,7 +164,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             u.decrease[j] = d;
             u.p_before[j] = *hi;
             u.p_after[j] = two_add(*hi, *lo, -d).0;
-            if !(u.p_after[j] > T::zero() && u.p_after[j].finite()) {
+            // a state known exactly stays so: 0 − 0
+            let known = *hi == T::zero() && d == T::zero();
+            if !((u.p_after[j] > T::zero() && u.p_after[j].finite()) || known) {
                 return Err(Error::Variance { state: j as u8 });
             }
         }

@@ -190,6 +190,7 @@ impl Filter {
             accepted: update.accepted,
             p_before: update.p_before,
             p_after: update.p_after,
+            decrease: update.decrease,
             normalised: self.normalised,
             interval: measurement.interval,
         })

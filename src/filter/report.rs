@@ -21,6 +21,9 @@ pub struct UpdateReport<const M: usize> {
     pub p_before: [f32; N],
     /// Variances just after the update, likewise.
     pub p_after: [f32; N],
+    /// What the update took from each variance, likewise; to f32 precision of its own size, which the difference of the
+    /// two above is not when little was learnt.
+    pub decrease: [f32; N],
     /// Bit `i` is set when state `i` was started with a variance above zero; the others have no ξ.
     pub normalised: u16,
     /// Nominal interval of this measurement [s], the T of ξ1; zero or less when unknown.
