@@ -42,3 +42,4 @@ pub mod linalg;
 pub mod measurement;
 pub mod mechanization;
 pub mod nav;
+pub mod observability;

@@ -1,0 +1,190 @@
+//! Jacobi rotations of a packed symmetric matrix whose diagonal is kept apart.
+
+use super::triangle::start;
+use crate::linalg::Real;
+
+/// When an off-diagonal element is small enough to be left alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Threshold<T> {
+    /// Smallest size that a diagonal element counts with: resolution of an indefinite matrix, 0 for a definite one.
+    pub floor: T,
+    /// Whether the axes must be as good as the values.
+    pub axes: bool,
+}
+
+impl<T: Real> Threshold<T> {
+    /// Whether rotating a pair with diagonal x, y and off-diagonal a would change nothing that counts.
+    ///
+    /// The rotation would move the values by about a²/|x − y|. It is skipped when that is below 100 ε of the smaller
+    /// one, or when a is rounding by itself (4 ε of the geometric mean). For axes the angle a/|x − y| and the scaled
+    /// cosine a/√(xy) must be below 2500 ε as well.
+    #[inline(always)]
+    pub fn negligible(&self, x: T, y: T, a: T) -> bool {
+        let square = a * a;
+        let (x_size, y_size) = (x.abs() + self.floor, y.abs() + self.floor);
+        let (small, big) = if x_size < y_size {
+            (x_size, y_size)
+        } else {
+            (y_size, x_size)
+        };
+        let gap = (x - y).abs();
+        let rounding = T::of(4.0) * T::EPSILON;
+        if square <= rounding * rounding * small * big {
+            return true;
+        }
+        if square > T::of(100.0) * T::EPSILON * small * gap {
+            return false;
+        }
+        let angle = T::of(2500.0) * T::EPSILON;
+        !self.axes || (square <= angle * angle * small * gap && a.abs() <= angle * gap)
+    }
+}
+
+/// A rotation in the plane of two axes p < q: x_p ← x_p − s (x_q + τ x_p), x_q ← x_q + s (x_p − τ x_q).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rotation<T> {
+    /// Sine.
+    pub s: T,
+    /// s/(1 + c), the tangent of half the angle.
+    pub tau: T,
+    /// What moves from the diagonal element p to q.
+    pub shift: T,
+}
+
+impl<T: Real> Rotation<T> {
+    /// The smaller of the two rotations that annul the off-diagonal `a` ≠ 0 of a pair with diagonal x (p), y (q).
+    #[inline(always)]
+    pub fn annulling(x: T, y: T, a: T) -> Self {
+        let one = T::one();
+        let theta = (y - x) / (a + a);
+        let root = (one + theta * theta).root();
+        // overflow of θ² leaves t = 0: the angle is below rounding then
+        let t = if theta < T::zero() {
+            -one / (root - theta)
+        } else {
+            one / (root + theta)
+        };
+        let c = one / (one + t * t).root();
+        let s = t * c;
+        Self {
+            s,
+            tau: s / (one + c),
+            shift: t * a,
+        }
+    }
+
+    /// Turns one pair of elements.
+    #[inline(always)]
+    pub fn turn(&self, x_p: &mut T, x_q: &mut T) {
+        let (g, h) = (*x_p, *x_q);
+        *x_p = g - self.s * (h + self.tau * g);
+        *x_q = h + self.s * (g - self.tau * h);
+    }
+}
+
+/// Applies a rotation of axes p < q to the off-diagonal elements of a packed symmetric matrix of n rows and annuls
+/// element (q, p). The diagonal is the caller's.
+pub(super) fn rotate<T: Real>(a: &mut [T], n: usize, p: usize, q: usize, rotation: &Rotation<T>) {
+    let Some((above, below)) = a.split_at_mut_checked(start(q)) else {
+        return;
+    };
+    let Some((row_q, mut below)) = below.split_at_mut_checked(q + 1) else {
+        return;
+    };
+    // columns left of p: row p against row q
+    let row_p = above.get_mut(start(p)..start(p) + p).unwrap_or_default();
+    for (x_p, x_q) in row_p.iter_mut().zip(row_q.iter_mut()) {
+        rotation.turn(x_p, x_q);
+    }
+    if let Some(x) = row_q.get_mut(p) {
+        *x = T::zero();
+    }
+    // between p and q: column p against row q
+    let mut at = start(p + 1) + p;
+    for (k, x_q) in row_q.iter_mut().enumerate().take(q).skip(p + 1) {
+        if let Some(x_p) = above.get_mut(at) {
+            rotation.turn(x_p, x_q);
+        }
+        at += k + 1;
+    }
+    // below q: columns p and q of one row
+    for k in q + 1..n {
+        let Some((row, rest)) = below.split_at_mut_checked(k + 1) else {
+            return;
+        };
+        if let Some((left, right)) = row.split_at_mut_checked(q) {
+            if let (Some(x_p), Some(x_q)) = (left.get_mut(p), right.first_mut()) {
+                rotation.turn(x_p, x_q);
+            }
+        }
+        below = rest;
+    }
+}
+
+/// The eigenvectors of a Jacobi iteration: kept, or not.
+pub trait Axes<T> {
+    /// Whether they are kept.
+    const KEPT: bool;
+    /// Starts with the unit axes.
+    fn reset(&mut self);
+    /// Turns axes p and q: x_p ← x_p − s (x_q + τ x_p), x_q ← x_q + s (x_p − τ x_q).
+    fn turn(&mut self, p: usize, q: usize, s: T, tau: T);
+    /// Axis k; empty when not kept.
+    fn axis(&self, k: usize) -> &[T];
+}
+
+/// Eigenvalues only.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ValuesOnly;
+
+impl<T: Real> Axes<T> for ValuesOnly {
+    const KEPT: bool = false;
+    #[inline(always)]
+    fn reset(&mut self) {}
+    #[inline(always)]
+    fn turn(&mut self, _: usize, _: usize, _: T, _: T) {}
+    #[inline(always)]
+    fn axis(&self, _: usize) -> &[T] {
+        &[]
+    }
+}
+
+/// Eigenvalues and all directions: N² more numbers of memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Directions<T, const N: usize>([[T; N]; N]);
+
+impl<T: Real, const N: usize> Default for Directions<T, N> {
+    fn default() -> Self {
+        Self([[T::zero(); N]; N])
+    }
+}
+
+impl<T: Real, const N: usize> Axes<T> for Directions<T, N> {
+    const KEPT: bool = true;
+
+    fn reset(&mut self) {
+        for (i, axis) in self.0.iter_mut().enumerate() {
+            for (j, x) in axis.iter_mut().enumerate() {
+                *x = if i == j { T::one() } else { T::zero() };
+            }
+        }
+    }
+
+    fn turn(&mut self, p: usize, q: usize, s: T, tau: T) {
+        let rotation = Rotation {
+            s,
+            tau,
+            shift: T::zero(),
+        };
+        let (left, right) = self.0.split_at_mut_checked(q).unwrap_or_default();
+        if let (Some(axis_p), Some(axis_q)) = (left.get_mut(p), right.first_mut()) {
+            for (x_p, x_q) in axis_p.iter_mut().zip(axis_q.iter_mut()) {
+                rotation.turn(x_p, x_q);
+            }
+        }
+    }
+
+    fn axis(&self, k: usize) -> &[T] {
+        self.0.get(k).map_or(&[], |axis| axis.as_slice())
+    }
+}

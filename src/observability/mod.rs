@@ -1,0 +1,21 @@
+//! Degree of observability: what the measurements have taught the filter, how fast, and along which directions.
+//!
+//! Metrics look from outside: they read reports and matrices and never touch the filter. States are in σ0 units
+//! throughout (each divided by its standard deviation at the start), so that they can be compared with each other.
+//!
+//! | metric | paper | needs | when it runs | cost on a Cortex-M4F, 15 states |
+//! |---|---|---|---|---|
+//! | [`diagonal::xi2`] | Lu 2009 (23) | p⁺ | every update | 15 ratios |
+//! | [`diagonal::xi1`] | Lu 2009 (22), exact over an update | p⁻ − p⁺, T | every update | 15 products |
+//! | [`diagonal::xi1_riccati`], [`diagonal::xi1_riccati_blocks`] | Lu 2009 (17), (22) | P⁺, F, Q, H, R·T | an update of interest | see `BENCHMARKS.md` |
+//! | [`spectrum::Spectrum`] η2 | Lu 2009 (6), (16) | P⁺, P0 | on demand, in slices | see `BENCHMARKS.md` |
+//! | [`spectrum::Spectrum`] η1 | Lu 2009 (5), (15) | −Ṗ, P0 | on demand, in slices | see `BENCHMARKS.md` |
+//!
+//! All of them are *prior-weighted*: they say what is left of an initial variance, so a state that was known well at
+//! the start shows little, and a state whose prior was wide shows much. Strict observability is another question.
+
+pub mod diagonal;
+mod jacobi;
+pub mod riccati;
+pub mod spectrum;
+mod triangle;
