@@ -1,6 +1,6 @@
 //! Propagation with any transition.
 
-use super::packed::Covariance;
+use super::packed::{column, Covariance};
 use crate::linalg::{two_add, Real};
 use nalgebra::{SMatrix, SVector};
 
@@ -8,14 +8,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Carries the covariance over one step: P ← Φ P Φᵀ + Q with Φ = I + A, as
     ///
     /// ```text
-    /// B = A P,   P ← P + (B + (P + B) Aᵀ + Q)
+    /// B = A P,   P ← P + (B + Bᵀ + B Aᵀ + Q)
     /// ```
     ///
     /// * `a` — A = Φ − I of any order, in the units of P. Never formed as 1 + small, so that a rate of 1e-6 per step
     ///   keeps all its digits.
     /// * `q` — diagonal of the noise added over the step.
     ///
-    /// Every stored element is added once, compensated, so the result is exactly symmetric. Zeros in `a` are skipped.
+    /// Every stored element is added once, compensated, so the result is exactly symmetric. B is formed once and used
+    /// for both A P and P Aᵀ, low words included: where two states all but cancel in it (a tilt and the accelerometer
+    /// bias that hides it), two separate roundings would leave their difference behind. Zeros of A are skipped.
+    ///
     /// Nothing is checked here: A and Q come from the caller's model, and [`Covariance::update`] refuses a P that is
     /// broken.
     pub fn propagate(&mut self, a: &SMatrix<T, N, N>, q: &SVector<T, N>) {
@@ -42,33 +45,39 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         // b[j] is column j of B = A P
         let mut j = 0;
         let b = [(); N].map(|()| {
-            let column = product(a, &self.column(j));
+            let mut b = [T::zero(); N];
+            add_product(&mut b, a, &column(&self.hi, j));
+            let mut low = [T::zero(); N];
+            add_product(&mut low, a, &column(&self.lo, j));
+            b.iter_mut().zip(&low).for_each(|(b, low)| *b += *low);
             j += 1;
-            column
+            b
         });
-        let mut k = 0;
-        for j in 0..N {
-            // element (j, i) of what is added; of P nothing is read here that has been written already
-            let b_j = b.map(|column| column.get(j).copied().unwrap_or_else(T::zero));
-            let mut row = self.column(j);
-            for (x, b) in row.iter_mut().zip(&b_j) {
-                *x += *b;
+        let mut words = self.hi.iter_mut().zip(self.lo.iter_mut());
+        for (j, (b_j, a_j)) in b.iter().zip(a.row_iter()).enumerate() {
+            let mut delta = [T::zero(); N];
+            for (b_k, a_jk) in b.iter().zip(a_j.iter()) {
+                if *a_jk != T::zero() {
+                    delta
+                        .iter_mut()
+                        .zip(b_k)
+                        .for_each(|(d, b)| *d += *a_jk * *b);
+                }
             }
-            let mut delta = product(a, &row);
+            for ((d, b_ij), b_i) in delta.iter_mut().zip(b_j).zip(&b) {
+                *d += *b_ij + b_i.get(j).copied().unwrap_or_else(T::zero);
+            }
             noise(j, &mut delta);
-            let words = self.hi.iter_mut().zip(self.lo.iter_mut()).skip(k);
-            for ((hi, lo), (d, b)) in words.zip(delta.iter().zip(&b_j).take(j + 1)) {
-                (*hi, *lo) = two_add(*hi, *lo, *d + *b);
+            for (d, (hi, lo)) in delta.iter().take(j + 1).zip(words.by_ref()) {
+                (*hi, *lo) = two_add(*hi, *lo, *d);
             }
-            k += j + 1;
         }
     }
 }
 
-/// A x, zeros of A skipped.
+/// y ← y + A x, zeros of A skipped.
 #[inline(always)]
-fn product<T: Real, const N: usize>(a: &SMatrix<T, N, N>, x: &[T; N]) -> [T; N] {
-    let mut y = [T::zero(); N];
+fn add_product<T: Real, const N: usize>(y: &mut [T; N], a: &SMatrix<T, N, N>, x: &[T; N]) {
     for (column, x) in a.column_iter().zip(x) {
         for (y, a) in y.iter_mut().zip(column.iter()) {
             if *a != T::zero() {
@@ -76,5 +85,4 @@ fn product<T: Real, const N: usize>(a: &SMatrix<T, N, N>, x: &[T; N]) -> [T; N] 
             }
         }
     }
-    y
 }

@@ -159,15 +159,21 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Column j of the symmetric matrix (high words).
     #[inline(always)]
     pub(super) fn column(&self, j: usize) -> [T; N] {
-        let mut k = j * (j + 1) / 2;
-        let mut i = 0;
-        [(); N].map(|()| {
-            let p = self.hi.get(k).copied().unwrap_or_else(T::zero);
-            k += if i < j { 1 } else { i + 1 };
-            i += 1;
-            p
-        })
+        column(&self.hi, j)
     }
+}
+
+/// Column j of the symmetric matrix of which `words` is the packed triangle.
+#[inline(always)]
+pub(super) fn column<T: Real, const N: usize>(words: &[T], j: usize) -> [T; N] {
+    let mut k = j * (j + 1) / 2;
+    let mut i = 0;
+    [(); N].map(|()| {
+        let p = words.get(k).copied().unwrap_or_else(T::zero);
+        k += if i < j { 1 } else { i + 1 };
+        i += 1;
+        p
+    })
 }
 
 /// Symmetric and positive semi-definite to rounding, by Cholesky without pivoting.
