@@ -188,7 +188,6 @@ impl Filter {
             row_nis: update.row_nis,
             nis: update.nis,
             accepted: update.accepted,
-            decrease: update.decrease,
             p_before: update.p_before,
             p_after: update.p_after,
             decrease: update.decrease,

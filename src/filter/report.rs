@@ -17,9 +17,6 @@ pub struct UpdateReport<const M: usize> {
     pub nis: f32,
     /// Whether each row passed its gate. A row that did not taught the filter nothing.
     pub accepted: [bool; M],
-    /// p⁻ − p⁺ of each state, as a fraction of the initial variance; right where the difference of the two variances below
-    /// would be rounding.
-    pub decrease: [f32; N],
     /// Variances just before the update, as a fraction of those that the filter was started with.
     pub p_before: [f32; N],
     /// Variances just after the update, likewise.
