@@ -18,3 +18,18 @@ pub fn region<S>(state: &mut S, work: fn(&mut S)) {
     unsafe { asm!(".inst.n 0xbf90") };
     black_box(state);
 }
+
+/// Work whose count is known: 103 instructions more than an empty function, 64 bytes of stack.
+pub fn calibration(_: &mut ()) {
+    // SAFETY: moves the stack pointer and back, stores one word between, and 100 times does nothing.
+    unsafe {
+        asm!(
+            "sub sp, #64",
+            "str r0, [sp]",
+            ".rept 100",
+            "nop",
+            ".endr",
+            "add sp, #64"
+        );
+    }
+}

@@ -1,35 +1,235 @@
-//! The rows of the bench: each is a piece of work that a user's program would call.
+//! The rows of the bench: each is a piece of work that a program on the vehicle would call, on a filter that has run
+//! for a while.
 
 use core::fmt::Write;
 
 use cortex_m_semihosting::hio::HostStream;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
-use crate::probe::region;
+use navsight::alignment::standing::StandingAlignment;
+use navsight::attitude::Euler;
+use navsight::covariance::{Covariance15, Observation, Rows};
+use navsight::earth::Geodetic;
+use navsight::error::Error;
+use navsight::error_model::{block_transition, BiasModel, Interval, NoiseDensity, Scaling};
+use navsight::filter::{Filter, Prior, Settings};
+use navsight::imu::{ImuIncrement, ImuLimits};
+use navsight::linalg::Real;
+use navsight::measurement::{Height, Linearized, ZeroVelocity};
+use navsight::nav::NavState;
 
-/// Counts one piece of work: adding a row to the table is one call of this.
-fn row<S>(
-    out: &mut HostStream,
-    work: &str,
-    scalar: &str,
-    mut state: S,
-    f: fn(&mut S),
-) -> core::fmt::Result {
-    region(&mut state, f);
-    writeln!(out, "row\t{work}\t{scalar}")
+use crate::probe::{calibration, region};
+
+/// Where the rows are printed.
+struct Table<'a>(&'a mut HostStream);
+
+impl Table<'_> {
+    /// Counts one piece of work: a row of the table is one call of this.
+    fn row<S>(
+        &mut self,
+        work: &str,
+        scalar: &str,
+        mut state: S,
+        f: fn(&mut S),
+    ) -> core::fmt::Result {
+        region(&mut state, f);
+        writeln!(self.0, "row\t{work}\t{scalar}")
+    }
+
+    /// Bytes that a state takes.
+    fn ram<S>(&mut self, name: &str) -> core::fmt::Result {
+        writeln!(self.0, "ram\t{name}\t{}", core::mem::size_of::<S>())
+    }
 }
 
-/// All rows, in the order of the table. The first one is what the markers themselves cost.
+/// All rows, in the order of the table. The first two say what the markers cost and that the counting is right.
 pub fn run(out: &mut HostStream) -> core::fmt::Result {
-    row(out, "empty", "", (), |_| ())?;
-    row(
-        out,
-        "skew matrix",
+    let table = &mut Table(out);
+    table.row("empty", "", (), |_| ())?;
+    table.row("calibration", "", (), calibration)?;
+
+    let (filter, imu) = aligning().map_err(|_| core::fmt::Error)?;
+    table.row(
+        "mechanization step",
         "f32",
-        (Vector3::new(1.0f32, 2.0, 3.0), Matrix3::zeros()),
-        |s| {
-            s.1 = navsight::linalg::skew(&s.0);
+        (*filter.nav(), imu),
+        |(nav, imu)| {
+            let _ = nav.advance(imu);
         },
     )?;
-    Ok(())
+    table.row(
+        "IMU sample through the filter",
+        "f32",
+        (filter.clone(), imu),
+        |(filter, imu)| {
+            let _ = filter.propagate(imu);
+        },
+    )?;
+    table.row(
+        "covariance propagation",
+        "f32",
+        gathered(&filter, imu),
+        |filter| filter.synchronize(),
+    )?;
+    table.row(
+        "three-row zero-velocity update",
+        "f32",
+        (filter.clone(), ZeroVelocity::new(0.01, 0.1).ok()),
+        |(filter, standing)| {
+            let _ = standing.map(|standing| filter.update(&standing.linearize(filter.nav())));
+        },
+    )?;
+    table.row(
+        "one-row update",
+        "f32",
+        (filter.clone(), Height::new(100.0, 1.0, 0.1).ok()),
+        |(filter, height)| {
+            let _ = height.map(|height| filter.update(&height.linearize(filter.nav())));
+        },
+    )?;
+    table.row(
+        "three dense rows",
+        "f32",
+        (filter.clone(), dense()),
+        |(filter, rows)| {
+            let _ = filter.update(rows);
+        },
+    )?;
+    kernels::<f32>(table, "f32")?;
+    kernels::<f64>(table, "f64")?;
+
+    table.ram::<NavState>("NavState")?;
+    table.ram::<Covariance15<f32>>("Covariance15<f32>")?;
+    table.ram::<Covariance15<f64>>("Covariance15<f64>")?;
+    table.ram::<Filter>("Filter")?;
+    table.ram::<StandingAlignment>("StandingAlignment")
+}
+
+/// The covariance alone, without a navigator around it.
+fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
+    let (filter, imu) = aligning().map_err(|_| core::fmt::Error)?;
+    let wide = |x: f32| T::of(f64::from(x));
+    let mut nav = *filter.nav();
+    let mut interval = Interval::<T>::empty();
+    for _ in 0..10 {
+        let step = nav.advance(&imu).map_err(|_| core::fmt::Error)?;
+        interval.add(
+            &step.c_b_n.map(wide),
+            &step.delta_v_n.map(wide),
+            wide(step.dt),
+        );
+    }
+    let p: SMatrix<T, 15, 15> = filter.covariance().to_matrix().map(wide);
+    let covariance = Covariance15::from_matrix(&p).map_err(|_| core::fmt::Error)?;
+    let environment = navsight::error_model::Environment::<T>::wgs84(
+        nav.position().lat,
+        nav.position().height,
+        nav.v_n().map(wide),
+    );
+    let scaling = Scaling::new(
+        &filter.sigma0().map(wide),
+        &BiasModel::constant(),
+        &NoiseDensity::from_random_walks(T::of(1e-4), T::of(1e-6)),
+    )
+    .map_err(|_| core::fmt::Error)?;
+    table.row(
+        "Φ and Q of an interval",
+        scalar,
+        (environment, interval, scaling, None),
+        |(e, i, s, to)| {
+            *to = Some(block_transition(e, i, s));
+        },
+    )?;
+    let blocks = block_transition(&environment, &interval, &scaling);
+    table.row(
+        "covariance propagation, structured kernel",
+        scalar,
+        (covariance, blocks),
+        |(p, blocks)| {
+            p.propagate_blocks(blocks);
+        },
+    )?;
+    let dense: (SMatrix<T, 15, 15>, SVector<T, 15>) = (blocks.dense(), blocks.noise());
+    table.row(
+        "covariance propagation, general kernel",
+        scalar,
+        (covariance, dense),
+        |(p, (a, q))| {
+            p.propagate(a, q);
+        },
+    )?;
+    let rows = Rows::<T, 3, 15> {
+        nu: [T::of(1e-3); 3],
+        h: Observation::Direct { first: 3 },
+        r: [T::of(1e-2); 3],
+        gate: None,
+    };
+    table.row(
+        "three-row update, kernel",
+        scalar,
+        (covariance, rows),
+        |(p, rows)| {
+            let _ = p.update(rows);
+        },
+    )
+}
+
+/// Three rows that measure everything a little.
+fn dense() -> Linearized<3> {
+    Linearized {
+        nu: Vector3::new(1e-3, -2e-3, 1e-3),
+        h: navsight::measurement::Jacobian::Dense(SMatrix::from_fn(|i, j| {
+            0.1 + (i as f32) * 0.3 - (j as f32) * 0.01
+        })),
+        r: Vector3::repeat(1e-4),
+        interval: 0.1,
+    }
+}
+
+/// A filter one sample before its covariance moves.
+fn gathered(filter: &Filter, imu: ImuIncrement) -> Filter {
+    let mut filter = filter.clone();
+    for _ in 0..9 {
+        let _ = filter.propagate(&imu);
+    }
+    filter
+}
+
+/// A filter ten seconds into its alignment, tilted, with zero-velocity updates ten times a second; and a next sample.
+fn aligning() -> Result<(Filter, ImuIncrement), Error> {
+    let position = Geodetic::from_degrees(34.0, 108.0, 400.0);
+    let nav = NavState::new(
+        position,
+        Vector3::zeros(),
+        Euler::from_degrees(30.0, 2.0, -5.0),
+    )?;
+    let prior = Prior {
+        position: [10.0; 3],
+        velocity: [0.1; 3],
+        attitude: [5e-3, 5e-3, 0.05],
+        gyro_bias: [1e-7; 3],
+        accel_bias: [1e-3; 3],
+    };
+    let settings = Settings {
+        limits: ImuLimits::DEFAULT,
+        noise: NoiseDensity::from_random_walks(1e-4, 1e-6),
+        bias: BiasModel::from_correlation_times(3600.0, 3600.0)?,
+        propagation_interval: 0.1,
+        gate: Some(10.8),
+    };
+    let f_b = nav.c_b_n().transpose() * Vector3::new(0.0, 0.0, nav.local().gravity);
+    let omega_b = nav.c_b_n().transpose() * nav.local().omega_ie_n();
+    let mut filter = Filter::new(nav, &prior, settings)?;
+    let standing = ZeroVelocity::new(0.01, 0.1)?;
+    let imu = |k: u8| {
+        let sway = Vector3::new(0.02, -0.01, 0.03) * (f32::from(k % 16) / 8.0 - 1.0);
+        ImuIncrement::from_rates(omega_b + sway * 0.1, f_b + sway, 0.01)
+    };
+    for k in 0..100u8 {
+        for i in 0..10u8 {
+            filter.propagate(&imu(k.wrapping_mul(10).wrapping_add(i)))?;
+        }
+        filter.update(&standing.linearize(filter.nav()))?;
+    }
+    Ok((filter, imu(3)))
 }

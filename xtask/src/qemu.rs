@@ -57,7 +57,7 @@ impl<'a> Build<'a> {
         if !self.cpu.is_empty() {
             // Cargo would rebuild everything at each change of a flag: a directory for each.
             out = out.join(self.cpu);
-            cargo.arg("--target-dir").arg(&out);
+            cargo.env("CARGO_TARGET_DIR", &out);
             cargo.arg("--config").arg(format!(
                 "target.{THUMBV7EM}.rustflags=['-Ctarget-cpu={}']",
                 self.cpu

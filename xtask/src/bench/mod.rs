@@ -1,0 +1,72 @@
+//! `cargo xtask bench`: exact instruction counts and stack depth on the Cortex-M4F, recorded in BENCHMARKS.md and held
+//! by budgets.
+
+mod budgets;
+mod measure;
+mod table;
+
+use std::process::ExitCode;
+
+use anyhow::{bail, Result};
+
+use measure::Row;
+pub use measure::{Firmware, FIRMWARES};
+
+use crate::report::Report;
+use crate::toolchain::{self, Toolchain};
+
+/// Measures everything, writes BENCHMARKS.md, compares with the budgets or replaces them.
+pub fn run(json: bool, accept: bool) -> Result<ExitCode> {
+    let toolchain = toolchain::ready()?;
+    let rows = all(&toolchain)?;
+    if json {
+        println!("{}", serde_json::to_string_pretty(&rows)?);
+    } else {
+        println!("{}", table::text(&rows));
+    }
+    if accept {
+        budgets::write(&toolchain, &rows)?;
+    }
+    table::write(&toolchain, &rows)?;
+    Ok(match exceeded(&toolchain, &rows) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error:#}");
+            ExitCode::FAILURE
+        }
+    })
+}
+
+/// The budgets as a check of `cargo xtask test`.
+pub fn check(report: &mut Report, toolchain: &Toolchain) {
+    report.check("instruction and stack budgets", || {
+        exceeded(toolchain, &all(toolchain)?)
+    });
+}
+
+fn all(toolchain: &Toolchain) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for firmware in FIRMWARES {
+        rows.extend(firmware.rows(toolchain)?);
+    }
+    Ok(rows)
+}
+
+fn exceeded(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
+    let budgets = budgets::read()?;
+    if budgets.compiler != toolchain.release {
+        eprintln!(
+            "budgets hold for rustc {}; with rustc {} they are not compared",
+            budgets.compiler, toolchain.release
+        );
+        return Ok(());
+    }
+    let wrong = budgets.compare(rows);
+    if !wrong.is_empty() {
+        bail!(
+            "{}\nIf this is meant: `cargo xtask bench --accept`, and say why in the commit",
+            wrong.join("\n")
+        );
+    }
+    Ok(())
+}

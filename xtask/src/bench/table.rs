@@ -1,0 +1,107 @@
+//! The counts as a table: on the terminal, and in BENCHMARKS.md between two marks.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use anyhow::{Context, Result};
+
+use super::measure::{Row, CORE, FIRMWARES, PLAIN};
+use crate::toolchain::Toolchain;
+use crate::{qemu, shell};
+
+const BEGIN: &str = "<!-- written by `cargo xtask bench`: begin -->\n";
+const END: &str = "<!-- written by `cargo xtask bench`: end -->\n";
+
+/// The table as Markdown: a row per piece of work, a column per build.
+pub fn text(rows: &[Row]) -> String {
+    let mut text = String::from("| work | scalar |");
+    for build in FIRMWARES {
+        let flag = if build.cpu.is_empty() {
+            String::new()
+        } else {
+            format!(", {}", build.cpu)
+        };
+        write!(text, " opt {}{flag} |", build.opt).unwrap_or_default();
+    }
+    text += "\n|---|---|";
+    text += &"---|".repeat(FIRMWARES.len());
+    for first in rows
+        .iter()
+        .filter(|row| row.opt == PLAIN.opt && row.cpu_flag.is_empty())
+    {
+        write!(text, "\n| {} | {} |", first.work, first.scalar).unwrap_or_default();
+        for build in FIRMWARES {
+            let cell = rows.iter().find(|row| {
+                let same_build = row.opt == build.opt
+                    && row.cpu_flag.ends_with(build.cpu)
+                    && row.cpu_flag.is_empty() == build.cpu.is_empty();
+                same_build && row.work == first.work && row.scalar == first.scalar
+            });
+            match cell {
+                Some(cell) => write!(
+                    text,
+                    " {} / {} |",
+                    grouped(cell.instructions),
+                    grouped(cell.stack_bytes)
+                ),
+                None => write!(text, " |"),
+            }
+            .unwrap_or_default();
+        }
+    }
+    text
+}
+
+/// 1234567 as 1,234,567.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Replaces the measured part of BENCHMARKS.md.
+pub fn write(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
+    let file = shell::root().join("BENCHMARKS.md");
+    let old = fs::read_to_string(&file)?;
+    let (before, rest) = old
+        .split_once(BEGIN)
+        .context("the first mark in BENCHMARKS.md")?;
+    let (_, after) = rest
+        .split_once(END)
+        .context("the last mark in BENCHMARKS.md")?;
+    let set_up = format!(
+        "rustc {}, LLVM {}, profile `firmware` (fat LTO, one codegen unit); {CORE}, QEMU {} `{}`.\n\
+         Each cell: instructions / bytes of stack.",
+        toolchain.release,
+        toolchain.llvm,
+        qemu::version()?,
+        qemu::MACHINE
+    );
+    let new = format!(
+        "{before}{BEGIN}\n{set_up}\n\n{}\n\n{END}{after}",
+        text(rows)
+    );
+    if new != old {
+        fs::write(file, new)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::grouped;
+
+    #[test]
+    fn thousands_are_grouped() {
+        assert_eq!(
+            [grouped(7), grouped(999), grouped(1000), grouped(1_234_567)],
+            ["7", "999", "1,000", "1,234,567"]
+        );
+    }
+}
