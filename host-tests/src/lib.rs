@@ -3,6 +3,8 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 #[cfg(not(target_os = "none"))]
+pub mod config;
+#[cfg(not(target_os = "none"))]
 pub mod covariance_analysis;
 #[cfg(not(target_os = "none"))]
 pub mod input;

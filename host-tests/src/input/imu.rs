@@ -75,6 +75,11 @@ impl<R: BufRead> ImuReader<R> {
         self.table.file()
     }
 
+    /// Bytes read so far, for a progress bar.
+    pub fn bytes(&self) -> u64 {
+        self.table.bytes()
+    }
+
     fn row(&mut self) -> Result<Option<ImuSample>, LabError> {
         if !self.table.next_row()? {
             return Ok(None);

@@ -57,6 +57,7 @@ pub struct Table<R> {
     header_line: usize,
     /// The last line has been read.
     over: bool,
+    bytes: u64,
 }
 
 impl Table<BufReader<File>> {
@@ -84,6 +85,7 @@ impl<R: BufRead> Table<R> {
             header: Vec::new(),
             header_line: 0,
             over: false,
+            bytes: 0,
         };
         if !table.next_line()? {
             return Err(table.refused_at("t_s", "the file is empty: no header line"));
@@ -133,6 +135,11 @@ impl<R: BufRead> Table<R> {
             *column = self.require(name)?;
         }
         Ok(columns)
+    }
+
+    /// Bytes read so far.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Moves to the next row of data. `false`: the file is over.
@@ -282,7 +289,9 @@ impl<R: BufRead> Table<R> {
             let take = end.unwrap_or(chunk.len()).min(room);
             self.text.extend_from_slice(&chunk[..take]);
             let found = end == Some(take);
-            self.source.consume(if found { take + 1 } else { take });
+            let used = if found { take + 1 } else { take };
+            self.source.consume(used);
+            self.bytes += used as u64;
             if found || self.text.len() > MAX_LINE {
                 return Ok(found);
             }

@@ -6,7 +6,10 @@
 
 pub mod covariance;
 mod error;
+pub mod history;
 pub mod replay;
+pub mod solution;
+pub mod states;
 
 pub use error::LabError;
 
@@ -27,7 +30,7 @@ enum Command {
     /// Covariance analysis of one configuration: P, ξ1, ξ2 and η at chosen times
     Covariance(covariance::Args),
     /// The filter on recorded data: attitude, biases and what was observable
-    Replay(replay::Args),
+    Replay(Box<replay::Args>),
 }
 
 /// Parses the command line, runs the command, and turns a failure into one line and exit code 2.

@@ -1,9 +1,32 @@
 //! `lab replay`: the filter on recorded data.
+//!
+//! A standing vehicle is aligned by the library's own [`StandingAlignment`]: coarse window, then zero-velocity
+//! updates. Where fixes (`--gnss`) or rest flags (`--rest`) are given, the filter that the coarse window started goes
+//! on with those.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use nalgebra::Vector3;
+use navsight::alignment::coarse::CoarseSolution;
+use navsight::alignment::standing::{Progress, StandingAlignment};
+use navsight::earth::Geodetic;
+use navsight::error::Error;
+use navsight::error_model::N;
+use navsight::filter::{Filter, UpdateReport};
+use navsight::imu::ImuIncrement;
+use navsight::measurement::{Position, Velocity, ZeroVelocity};
+use serde_json::{json, Value};
+
+use super::history::{History, Snapshot};
+use super::solution::{angles_deg, table, turn_deg, Solution};
+use super::states::{xi, STATES};
 use super::LabError;
-use crate::input::{gnss, reference, rest, Axes, ImuReader};
+use crate::config::{self, Config};
+use crate::input::gnss::{self, Fix};
+use crate::input::reference::{self, Attitude};
+use crate::input::rest::{self, Flag};
+use crate::input::{Axes, ImuReader, ImuSample};
+use crate::report::{digits, short, Chart, Page, Scale, Series, Table, Tone};
 
 /// Flags of the command.
 #[derive(clap::Args)]
@@ -17,9 +40,27 @@ pub struct Args {
     /// Somebody else's attitude to compare with: t_s, qw, qx, qy, qz (body to local, z up)
     #[arg(long = "ref", value_name = "FILE")]
     reference: Option<PathBuf>,
-    /// When the sensor stood still: t_s, at_rest (0 or 1); without it, always
+    /// When the sensor stood still: t_s, at_rest (0 or 1); without it, whenever it does not turn
     #[arg(long, value_name = "FILE")]
     rest: Option<PathBuf>,
+    /// Latitude [°]; without it, that of the first fix
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    lat: Option<f64>,
+    /// Longitude [°]; without it, that of the first fix, or 0
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    lon: Option<f64>,
+    /// Height above the ellipsoid [m]; without it, that of the first fix, or 0
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    height: Option<f64>,
+    /// Begin here [s]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// End here [s]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    to: Option<f64>,
+    /// TOML with sensor grade, priors and filter settings; navigation grade without it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Sensor axes that point right, forward, up, as in y,x,-z
     #[arg(
         long,
@@ -31,16 +72,663 @@ pub struct Args {
     /// One JSON object on standard output instead of tables
     #[arg(long)]
     json: bool,
+    /// Write report.html with pictures into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
 }
 
 /// Reads, runs, prints.
 pub fn run(args: &Args) -> Result<(), LabError> {
-    let _fixes = args.gnss.as_deref().map(gnss::read).transpose()?;
-    let _attitudes = args.reference.as_deref().map(reference::read).transpose()?;
-    let _flags = args.rest.as_deref().map(rest::read).transpose()?;
-    let _ = (args.axes, args.json);
-    for sample in ImuReader::open(&args.imu)? {
-        sample?;
+    let config: Config = match &args.config {
+        Some(path) => config::read(path)?,
+        None => Config::default(),
+    };
+    let aids = Aids {
+        fixes: optional(&args.gnss, gnss::read)?,
+        flags: args.rest.as_deref().map(rest::read).transpose()?,
+        attitudes: optional(&args.reference, reference::read)?,
+    };
+    let position = position(args, &aids.fixes)?;
+    let mut replay = Replay::new(args, &config, aids, position)?;
+    let (from, to) = (
+        args.from.unwrap_or(f64::NEG_INFINITY),
+        args.to.unwrap_or(f64::INFINITY),
+    );
+    let size = std::fs::metadata(&args.imu).map_or(0, |m| m.len());
+    let bar = super::progress(size, "replay");
+    let mut samples = ImuReader::open(&args.imu)?;
+    while let Some(sample) = samples.next() {
+        let sample = sample?;
+        if sample.line % 1024 == 0 {
+            bar.set_position(samples.bytes());
+        }
+        if sample.t > to {
+            break;
+        }
+        if sample.t > from {
+            replay.take(&sample).map_err(|what| {
+                LabError::in_file(&args.imu, what)
+                    .line(sample.line)
+                    .field("t_s")
+            })?;
+        }
     }
-    Err(LabError::plain("the replay is not built yet"))
+    bar.finish_and_clear();
+    let outcome = replay
+        .finish()
+        .map_err(|what| LabError::in_file(&args.imu, what))?;
+    let written = match &args.report {
+        Some(folder) => Some(outcome.page(&args.imu).write(folder)?),
+        None => None,
+    };
+    if args.json {
+        return super::print_json(&outcome.json());
+    }
+    outcome.print();
+    if let Some(path) = written {
+        println!("\nReport: {}", path.display());
+    }
+    Ok(())
+}
+
+fn optional<T>(
+    path: &Option<PathBuf>,
+    read: impl Fn(&Path) -> Result<Vec<T>, LabError>,
+) -> Result<Vec<T>, LabError> {
+    path.as_deref().map_or(Ok(Vec::new()), read)
+}
+
+/// Where the vehicle is at the start: flags first, then the first fix.
+fn position(args: &Args, fixes: &[Fix]) -> Result<Geodetic, LabError> {
+    let first = fixes
+        .iter()
+        .find(|fix| fix.t >= args.from.unwrap_or(f64::NEG_INFINITY));
+    let Some(lat) = args.lat.or(first.map(|fix| fix.lat_deg)) else {
+        // A damaged file is the more useful thing to hear of.
+        ImuReader::open(&args.imu)?.try_for_each(|sample| sample.map(drop))?;
+        return Err(LabError::plain("where was this? The latitude is needed").field("--lat"));
+    };
+    let lon = args.lon.or(first.map(|fix| fix.lon_deg)).unwrap_or(0.0);
+    let height = args.height.or(first.map(|fix| fix.height)).unwrap_or(0.0);
+    let position = Geodetic::from_degrees(lat, lon, height);
+    position.check().map_err(|error| {
+        let what = match error {
+            Error::Polar => format!("{lat}° is too close to a pole (limit 80°)"),
+            _ => format!("{lat}°, {lon}°, {height} m is no place on earth"),
+        };
+        LabError::plain(what).field("--lat, --lon, --height")
+    })?;
+    Ok(position)
+}
+
+/// What is known besides the samples.
+struct Aids {
+    fixes: Vec<Fix>,
+    flags: Option<Vec<Flag>>,
+    attitudes: Vec<Attitude>,
+}
+
+/// What runs.
+#[allow(clippy::large_enum_variant)] // one of them, for the length of a run
+enum Driver {
+    /// The library's alignment of a standing vehicle, from the first sample on.
+    Standing(StandingAlignment),
+    /// The filter with the aids of this recording.
+    Aided(Filter),
+}
+
+struct Replay<'a> {
+    axes: Axes,
+    config: &'a Config,
+    aids: Aids,
+    driver: Driver,
+    zero_velocity: ZeroVelocity,
+    coarse: Option<(CoarseSolution, Solution)>,
+    next_fix: usize,
+    next_attitude: usize,
+    /// Since the last zero-velocity update was due: seconds, and whether all of them were at rest.
+    waited: f64,
+    rested: bool,
+    turning: bool,
+    last: Option<Last>,
+    nis: Nis,
+    rejected: u64,
+    compared: Compared,
+    events: Vec<(f64, String)>,
+    history: History,
+    time: f64,
+    samples: u64,
+}
+
+/// The last update.
+struct Last {
+    xi1: [f64; N],
+    xi2: [f64; N],
+}
+
+/// Normalised innovations of all updates.
+#[derive(Default)]
+struct Nis {
+    sum: f64,
+    rows: u64,
+    updates: u64,
+    last: f64,
+}
+
+/// Differences to the reference.
+#[derive(Default)]
+struct Compared {
+    count: u64,
+    sum: [f64; 3],
+    square: [f64; 3],
+}
+
+impl<'a> Replay<'a> {
+    fn new(
+        args: &Args,
+        config: &'a Config,
+        aids: Aids,
+        position: Geodetic,
+    ) -> Result<Self, LabError> {
+        let impossible = |error: Error| {
+            let refused = LabError::plain(format!("the settings are refused: {error:?}"));
+            match &args.config {
+                Some(path) => LabError::in_file(path, refused.what),
+                None => refused,
+            }
+        };
+        let plan = config.plan().map_err(impossible)?;
+        let settings = config.settings().map_err(impossible)?;
+        let alignment =
+            StandingAlignment::new(position, plan, config.prior(), settings).map_err(impossible)?;
+        Ok(Self {
+            axes: args.axes,
+            config,
+            aids,
+            driver: Driver::Standing(alignment),
+            zero_velocity: plan.zero_velocity,
+            coarse: None,
+            next_fix: 0,
+            next_attitude: 0,
+            waited: 0.0,
+            rested: true,
+            turning: false,
+            last: None,
+            nis: Nis::default(),
+            rejected: 0,
+            compared: Compared::default(),
+            events: Vec::new(),
+            history: History::default(),
+            time: f64::NAN,
+            samples: 0,
+        })
+    }
+
+    /// One sample. An error is a sentence about this sample.
+    fn take(&mut self, sample: &ImuSample) -> Result<(), String> {
+        let narrow = |v: [f64; 3]| Vector3::from(self.axes.apply(v).map(|x| x as f32));
+        let imu = ImuIncrement {
+            delta_theta_b: narrow(sample.delta_theta),
+            delta_v_b: narrow(sample.delta_v),
+            dt: sample.dt as f32,
+        };
+        self.time = sample.t;
+        self.samples += 1;
+        let refused = |error: Error| match error {
+            Error::Time => format!(
+                "the sample before is {:.3} s away (limit {} s)",
+                sample.dt, self.config.filter.gap_s
+            ),
+            Error::OutOfRange => {
+                "no vehicle turns or accelerates like this, or it was not standing still".into()
+            }
+            other => format!("refused by the filter: {other:?}"),
+        };
+        match &mut self.driver {
+            Driver::Standing(alignment) => {
+                let progress = alignment.take(&imu).map_err(refused)?;
+                self.progress(progress);
+            }
+            Driver::Aided(filter) => {
+                filter.propagate(&imu).map_err(refused)?;
+                self.aid(sample)
+                    .map_err(|error| format!("the update was refused: {error:?}"))?;
+            }
+        }
+        self.compare(sample.t);
+        Ok(())
+    }
+
+    fn filter(&self) -> Option<&Filter> {
+        match &self.driver {
+            Driver::Standing(alignment) => alignment.filter(),
+            Driver::Aided(filter) => Some(filter),
+        }
+    }
+
+    /// What the alignment of a standing vehicle did with a sample.
+    fn progress(&mut self, progress: Progress) {
+        match progress {
+            Progress::Coarse | Progress::Between => {}
+            Progress::Started(coarse) => {
+                self.event("coarse alignment done, the filter starts");
+                let filter = self.filter().cloned();
+                self.coarse = filter.as_ref().map(|filter| (coarse, Solution::of(filter)));
+                if let Some(filter) = filter {
+                    if !self.aids.fixes.is_empty() || self.aids.flags.is_some() {
+                        self.next_fix = self.aids.fixes.partition_point(|fix| fix.t <= self.time);
+                        self.driver = Driver::Aided(filter);
+                    }
+                }
+            }
+            Progress::Turning => self.turning(true),
+            Progress::Updated(report) => {
+                self.turning(false);
+                self.updated(&report);
+            }
+        }
+    }
+
+    /// Fixes and zero velocity of this recording, where they are due.
+    fn aid(&mut self, sample: &ImuSample) -> Result<(), Error> {
+        let Driver::Aided(filter) = &mut self.driver else {
+            return Ok(());
+        };
+        let mut reports = Vec::new();
+        while let Some(fix) = self
+            .aids
+            .fixes
+            .get(self.next_fix)
+            .filter(|fix| fix.t <= sample.t)
+        {
+            self.next_fix += 1;
+            let g = &self.config.gnss;
+            let (flat, up) = (g.position_m as f32, g.height_m as f32);
+            let place = Geodetic::from_degrees(fix.lat_deg, fix.lon_deg, fix.height);
+            let position = Position::new(place, Vector3::new(flat, flat, up), 0.0)?;
+            reports.push(filter.update(&position.linearize(filter.nav()))?);
+            if let Some(v) = fix.v_n {
+                let v = Vector3::from(v.map(|x| x as f32));
+                let velocity = Velocity::new(v, Vector3::repeat(g.velocity_m_s as f32), 0.0)?;
+                reports.push(filter.update(&velocity.linearize(filter.nav()))?);
+            }
+        }
+        if let Some(flags) = &self.aids.flags {
+            self.rested &= rest::at(flags, sample.t);
+            self.waited += sample.dt;
+            if self.waited + 0.5 * sample.dt >= f64::from(self.zero_velocity.interval()) {
+                if self.rested {
+                    reports.push(filter.update(&self.zero_velocity.linearize(filter.nav()))?);
+                }
+                (self.waited, self.rested) = (0.0, true);
+            }
+        }
+        for report in &reports {
+            self.updated(report);
+        }
+        Ok(())
+    }
+
+    fn turning(&mut self, now: bool) {
+        if now != self.turning {
+            self.turning = now;
+            self.event(if now { "turning" } else { "standing again" });
+        }
+    }
+
+    fn event(&mut self, what: &str) {
+        const MOST: usize = 1000; // enough to see what is wrong with a recording
+        if self.events.len() < MOST {
+            self.events.push((self.time, what.to_owned()));
+        }
+    }
+
+    fn updated(&mut self, report: &UpdateReport<3>) {
+        let accepted = report.rows_accepted();
+        if accepted > 0 {
+            self.nis.sum += f64::from(report.nis);
+            self.nis.rows += accepted as u64;
+            self.nis.updates += 1;
+            self.nis.last = f64::from(report.nis) / accepted as f64;
+        }
+        if accepted < 3 {
+            self.rejected += (3 - accepted) as u64;
+            self.event(&format!("{} of 3 rows beyond the gate", 3 - accepted));
+        }
+        let (xi1, xi2) = xi(report);
+        self.last = Some(Last { xi1, xi2 });
+        if let Some(filter) = self.filter() {
+            let snapshot = Snapshot {
+                t: self.time,
+                angles_deg: angles_deg(&filter.nav().c_b_n()),
+                sigma: std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from)),
+                xi1,
+                xi2,
+                nis: self.nis.last,
+            };
+            self.history.push(snapshot);
+        }
+    }
+
+    /// Differences to the reference at its instants, at the sample just behind.
+    fn compare(&mut self, t: f64) {
+        while let Some(there) = self
+            .aids
+            .attitudes
+            .get(self.next_attitude)
+            .filter(|a| a.t <= t)
+        {
+            self.next_attitude += 1;
+            let q = there.q.map(|x| x as f32);
+            let wanted = angles_deg(&navsight::attitude::c_b_n(q));
+            let Some(filter) = self.filter() else {
+                continue;
+            };
+            let got = angles_deg(&filter.nav().c_b_n());
+            self.compared.count += 1;
+            for (i, (got, wanted)) in got.iter().zip(wanted).enumerate() {
+                let d = turn_deg(wanted, *got);
+                self.compared.sum[i] += d;
+                self.compared.square[i] += d * d;
+            }
+        }
+    }
+
+    fn finish(mut self) -> Result<Outcome, String> {
+        if self.samples == 0 {
+            return Err("there is no sample between --from and --to".into());
+        }
+        if let Driver::Aided(filter) = &mut self.driver {
+            filter.synchronize();
+        }
+        let Some(filter) = self.filter() else {
+            let need = self.config.coarse.seconds;
+            return Err(format!(
+                "the recording is over before the coarse window of {need} s"
+            ));
+        };
+        let solution = Solution::of(filter);
+        let sigma0 = filter.sigma0().map(f64::from);
+        let sigma = std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from));
+        let Some((coarse, coarse_solution)) = self.coarse else {
+            return Err("the coarse window did not end".into());
+        };
+        Ok(Outcome {
+            coarse,
+            coarse_solution,
+            solution,
+            sigma0,
+            sigma,
+            last: self.last,
+            nis: self.nis,
+            rejected: self.rejected,
+            compared: self.compared,
+            events: self.events,
+            history: self.history,
+            time: self.time,
+            samples: self.samples,
+        })
+    }
+}
+
+/// What came out.
+struct Outcome {
+    coarse: CoarseSolution,
+    coarse_solution: Solution,
+    solution: Solution,
+    sigma0: [f64; N],
+    sigma: [f64; N],
+    last: Option<Last>,
+    nis: Nis,
+    rejected: u64,
+    compared: Compared,
+    events: Vec<(f64, String)>,
+    history: History,
+    time: f64,
+    samples: u64,
+}
+
+impl Outcome {
+    fn json(&self) -> Value {
+        let per_row = self.nis.sum / self.nis.rows as f64; // 0/0 is null
+        let events: Vec<Value> = self
+            .events
+            .iter()
+            .map(|(t, what)| json!({ "t_s": t, "event": what }))
+            .collect();
+        let mut object = json!({
+            "coarse": self.coarse_solution.json(),
+            "final": self.solution.json(),
+            "states": STATES.map(|s| s.name),
+            "xi1": self.last.as_ref().map(|l| l.xi1),
+            "xi2": self.last.as_ref().map(|l| l.xi2),
+            "sigma0": self.sigma0,
+            "sigma": self.sigma,
+            "nis": { "mean_per_row": per_row, "last_per_row": self.nis.last, "updates": self.nis.updates },
+            "rejected": self.rejected,
+            "rms_vs_ref": self.rms(),
+            "events": events,
+            "t_end_s": self.time,
+            "samples": self.samples,
+        });
+        let window = json!({
+            "sigma_heading_deg": f64::from(self.coarse.sigma_heading).to_degrees(),
+            "gravity_ratio": f64::from(self.coarse.gravity_ratio),
+            "earth_rate_ratio": f64::from(self.coarse.earth_rate_ratio),
+        });
+        if let Some(Value::Object(coarse)) = object.get_mut("coarse") {
+            coarse.insert("window".into(), window);
+        }
+        object
+    }
+
+    /// Root mean square of the differences to the reference [°]; null without one.
+    fn rms(&self) -> Value {
+        let n = self.compared.count as f64;
+        if self.compared.count == 0 {
+            return Value::Null;
+        }
+        let rms = self.compared.square.map(|s| (s / n).sqrt());
+        let mean = self.compared.sum[0] / n;
+        let scatter = (self.compared.square[0] / n - mean * mean).max(0.0).sqrt();
+        json!({
+            "heading_deg": rms[0], "pitch_deg": rms[1], "roll_deg": rms[2],
+            // a reference whose local frame does not point north differs by a constant
+            "heading_mean_deg": mean, "heading_without_mean_deg": scatter,
+            "instants": self.compared.count,
+        })
+    }
+
+    fn states(&self) -> Table {
+        let mut table = Table::new(
+            "What the recording taught the filter",
+            [
+                "state",
+                "unit",
+                "σ at the start",
+                "σ now",
+                "ξ1 now [1/s]",
+                "ξ2 now",
+            ],
+        );
+        for (i, state) in STATES.iter().enumerate() {
+            let xi =
+                |pick: fn(&Last) -> &[f64; N]| self.last.as_ref().map_or(f64::NAN, |l| pick(l)[i]);
+            table.row([
+                state.name.to_owned(),
+                state.unit.to_owned(),
+                short(self.sigma0[i] / state.in_si),
+                short(self.sigma[i] / state.in_si),
+                short(xi(|l| &l.xi1)),
+                short(xi(|l| &l.xi2)),
+            ]);
+        }
+        table
+    }
+
+    /// Questions and answers.
+    fn answers(&self) -> Vec<(Tone, &'static str, String)> {
+        let s = &self.solution;
+        let start = self.sigma0[8] / STATES[8].in_si;
+        let (heading, sigma) = (s.angles_deg[0], s.angles_deg_sigma[0]);
+        let mut answers = vec![(
+            Tone::Plain,
+            "Where does it point?",
+            format!(
+                "Heading {heading:.3}° ± {} (1σ), pitch {:.4}°, roll {:.4}°. At the start of the filter the heading was known to {}°.",
+                degrees(sigma), s.angles_deg[1], s.angles_deg[2], short(start),
+            ),
+        )];
+        if let Some(last) = &self.last {
+            let named = |test: &dyn Fn(f64) -> bool| {
+                let names: Vec<&str> = (0..N)
+                    .filter(|&i| test(last.xi2[i]))
+                    .map(|i| STATES[i].name)
+                    .collect();
+                if names.is_empty() {
+                    "none".to_owned()
+                } else {
+                    names.join(", ")
+                }
+            };
+            answers.push((
+                Tone::Plain,
+                "What has been learnt?",
+                format!(
+                    "Variance down by ten or more (ξ2 ≥ 10): {}.",
+                    named(&|x| x >= 10.0)
+                ),
+            ));
+            answers.push((
+                Tone::Note,
+                "What is still a guess?",
+                format!(
+                    "Variance down by less than a tenth (ξ2 < 1.1), so these are what was assumed at the start: {}. \
+                     More time in the same position does not help them.",
+                    named(&|x| x < 1.1)
+                ),
+            ));
+        }
+        let per_row = self.nis.sum / self.nis.rows as f64;
+        if per_row.is_finite() {
+            answers.push((
+                if (0.05..2.0).contains(&per_row) { Tone::Plain } else { Tone::Note },
+                "Do the data fit the model?",
+                format!(
+                    "{} updates, ν²/s {} per row on average (1 where the noise settings are exact, less where they are cautious); {} rows refused.",
+                    self.nis.updates, digits(per_row, 2), self.rejected
+                ),
+            ));
+        }
+        answers
+    }
+
+    fn print(&self) {
+        println!("{}", self.solutions().to_text());
+        println!("{}", self.states().to_text());
+        for (_, question, answer) in self.answers() {
+            println!("{question} {answer}");
+        }
+        if let Value::Object(rms) = self.rms() {
+            println!("Against the reference, rms: {}", Value::Object(rms));
+        }
+        for (t, what) in self.events.iter().take(20) {
+            println!("{t:>10.2} s  {what}");
+        }
+    }
+
+    fn solutions(&self) -> Table {
+        table(
+            &format!(
+                "Navigation solution after {} samples, at {:.2} s",
+                self.samples, self.time
+            ),
+            &[("coarse", &self.coarse_solution), ("final", &self.solution)],
+        )
+    }
+
+    fn page(&self, imu: &Path) -> Page {
+        let mut page = Page::new(
+            "Replay",
+            &format!(
+                "{} through the filter: {} samples.",
+                imu.display(),
+                self.samples
+            ),
+        );
+        for (tone, question, answer) in self.answers() {
+            page.verdict(tone, question, &answer);
+        }
+        page.table(&self.solutions());
+        page.table(&self.states());
+        let blue = "#2563eb";
+        let line = |value: &dyn Fn(&Snapshot) -> f64| Series {
+            label: String::new(),
+            color: blue,
+            points: self.history.line(value),
+        };
+        page.section("Attitude and its standard deviation");
+        let first = self
+            .history
+            .snapshots()
+            .first()
+            .map_or(0.0, |s| s.angles_deg[0]);
+        let mut pictures = Vec::new();
+        for (i, name) in ["heading [°]", "pitch [°]", "roll [°]"].iter().enumerate() {
+            // Unwrapped around the first heading, so that 359° to 1° is no jump.
+            let value = move |s: &Snapshot| match i {
+                0 => first + turn_deg(first, s.angles_deg[0]),
+                _ => s.angles_deg[i],
+            };
+            pictures.push(Chart::new(*name, Scale::Linear, vec![line(&value)]).svg());
+        }
+        for i in [8, 6, 7] {
+            let state = &STATES[i];
+            let title = format!("σ of {} [{}]", state.name, state.unit);
+            pictures.push(
+                Chart::new(
+                    title,
+                    Scale::Logarithmic,
+                    vec![line(&|s: &Snapshot| s.sigma[i] / state.in_si)],
+                )
+                .svg(),
+            );
+        }
+        page.figures(3, &pictures, "Over time [s].");
+        page.section("ξ2: variance at the start over variance now");
+        let pictures: Vec<String> = STATES
+            .iter()
+            .enumerate()
+            .map(|(i, state)| {
+                Chart::new(
+                    state.name,
+                    Scale::Logarithmic,
+                    vec![line(&|s: &Snapshot| s.xi2[i])],
+                )
+                .svg()
+            })
+            .collect();
+        page.figures(3, &pictures, "1: nothing learnt yet. Over time [s].");
+        page.section("ν²/s of the updates, per row");
+        let chart = Chart {
+            level: Some(1.0),
+            size: (690, 190),
+            ..Chart::new("", Scale::Logarithmic, vec![line(&|s: &Snapshot| s.nis)])
+        };
+        page.figures(
+            1,
+            &[chart.svg()],
+            "1 on average (dashed) where the noise settings are exact. Over time [s].",
+        );
+        page
+    }
+}
+
+/// An angle in the unit in which people say it.
+fn degrees(deg: f64) -> String {
+    if deg >= 0.01 {
+        format!("{deg:.3}°")
+    } else {
+        format!("{:.1}″", deg * 3600.0)
+    }
 }

@@ -1,0 +1,343 @@
+//! What the lab is told about a sensor and a filter: TOML with units in the key names, and its way into the library.
+//!
+//! ```toml
+//! [sensor]                      # one grade for all three axes
+//! gyro_bias_deg_h = 0.02
+//! accel_bias_ug = 100
+//! angle_walk_deg_sqrt_h = 0.003
+//! velocity_walk_ug_sqrt_hz = 10
+//! gyro_tau_h = 20               # correlation time; left out: constant
+//! accel_tau_h = 20
+//!
+//! [prior]                       # how well the start is known
+//! position_m = 10
+//! velocity_m_s = 0.15
+//! level_deg = 0.5
+//! heading_deg = 3
+//!
+//! [zero_velocity]
+//! sigma_m_s = 0.005
+//! interval_s = 1
+//! turning_deg_s = 1             # above this mean rate it is a turn, not a standstill
+//!
+//! [coarse]
+//! seconds = 60
+//!
+//! [filter]
+//! propagation_interval_s = 0.1
+//! gate = 25                     # largest ν²/s of a row; left out: none is refused
+//! gap_s = 0.5                   # longest sample
+//!
+//! [gnss]
+//! position_m = 2
+//! height_m = 4
+//! velocity_m_s = 0.1
+//! ```
+
+use std::fs;
+use std::path::Path;
+
+use navsight::alignment::standing::Plan;
+use navsight::error::Error;
+use navsight::error_model::{BiasModel, NoiseDensity};
+use navsight::filter::{Prior, Settings};
+use navsight::imu::ImuLimits;
+use navsight::measurement::ZeroVelocity;
+use serde::de::DeserializeOwned;
+use serde::Deserialize;
+
+use crate::lab::LabError;
+
+/// One degree per hour [rad/s].
+pub const DEG_PER_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
+/// One micro-g [m/s²].
+pub const MICRO_G: f64 = 9.806_65e-6;
+const HOUR: f64 = 3600.0;
+
+/// Everything but the position.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Grade of the sensor.
+    pub sensor: Sensor,
+    /// How well the start is known.
+    pub prior: Start,
+    /// The zero-velocity update.
+    pub zero_velocity: StandingStill,
+    /// The coarse window.
+    pub coarse: Coarse,
+    /// How the filter runs.
+    pub filter: Running,
+    /// How good satellite fixes are.
+    pub gnss: Gnss,
+}
+
+/// Grade of the sensor, navigation grade unless said otherwise.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sensor {
+    /// Gyro bias, 1σ [°/h].
+    pub gyro_bias_deg_h: f64,
+    /// Accelerometer bias, 1σ [µg].
+    pub accel_bias_ug: f64,
+    /// Angle random walk [°/√h].
+    pub angle_walk_deg_sqrt_h: f64,
+    /// Velocity random walk [µg/√Hz].
+    pub velocity_walk_ug_sqrt_hz: f64,
+    /// Correlation time of the gyro bias [h]; none: constant.
+    pub gyro_tau_h: Option<f64>,
+    /// Correlation time of the accelerometer bias [h]; none: constant.
+    pub accel_tau_h: Option<f64>,
+}
+
+impl Default for Sensor {
+    fn default() -> Self {
+        Self {
+            gyro_bias_deg_h: 0.02,
+            accel_bias_ug: 100.0,
+            angle_walk_deg_sqrt_h: 0.003,
+            velocity_walk_ug_sqrt_hz: 10.0,
+            gyro_tau_h: None,
+            accel_tau_h: None,
+        }
+    }
+}
+
+impl Sensor {
+    /// Angle random walk [rad/√s].
+    pub fn angle_walk(&self) -> f64 {
+        self.angle_walk_deg_sqrt_h.to_radians() / HOUR.sqrt()
+    }
+
+    /// Velocity random walk [m/s/√s].
+    pub fn velocity_walk(&self) -> f64 {
+        self.velocity_walk_ug_sqrt_hz * MICRO_G
+    }
+
+    /// Gyro bias, 1σ [rad/s].
+    pub fn gyro_bias(&self) -> f64 {
+        self.gyro_bias_deg_h * DEG_PER_H
+    }
+
+    /// Accelerometer bias, 1σ [m/s²].
+    pub fn accel_bias(&self) -> f64 {
+        self.accel_bias_ug * MICRO_G
+    }
+}
+
+/// Standard deviations at the start; those of the biases are the sensor's.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Start {
+    /// Position, per axis [m].
+    pub position_m: f64,
+    /// Velocity, per axis [m/s].
+    pub velocity_m_s: f64,
+    /// Tilt after the coarse window [°].
+    pub level_deg: f64,
+    /// Heading after the coarse window [°].
+    pub heading_deg: f64,
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self {
+            position_m: 10.0,
+            velocity_m_s: 0.15,
+            level_deg: 0.5,
+            heading_deg: 3.0,
+        }
+    }
+}
+
+/// The zero-velocity update.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StandingStill {
+    /// Residual motion, per axis [m/s].
+    pub sigma_m_s: f64,
+    /// Between two updates [s].
+    pub interval_s: f64,
+    /// Mean rate above which the vehicle turns [°/s].
+    pub turning_deg_s: f64,
+}
+
+impl Default for StandingStill {
+    fn default() -> Self {
+        Self {
+            sigma_m_s: 0.005,
+            interval_s: 1.0,
+            turning_deg_s: 1.0,
+        }
+    }
+}
+
+/// The coarse window.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Coarse {
+    /// Its length [s].
+    pub seconds: f64,
+}
+
+impl Default for Coarse {
+    fn default() -> Self {
+        Self { seconds: 60.0 }
+    }
+}
+
+/// How the filter runs.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Running {
+    /// The covariance moves at least this often [s].
+    pub propagation_interval_s: f64,
+    /// Largest ν²/s of a row; none: every row is used.
+    pub gate: Option<f64>,
+    /// Longest sample [s].
+    pub gap_s: f64,
+}
+
+impl Default for Running {
+    fn default() -> Self {
+        Self {
+            propagation_interval_s: 0.1,
+            gate: None,
+            gap_s: 0.5,
+        }
+    }
+}
+
+/// How good satellite fixes are, 1σ.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Gnss {
+    /// East and north [m].
+    pub position_m: f64,
+    /// Up [m].
+    pub height_m: f64,
+    /// Velocity, per axis [m/s].
+    pub velocity_m_s: f64,
+}
+
+impl Default for Gnss {
+    fn default() -> Self {
+        Self {
+            position_m: 2.0,
+            height_m: 4.0,
+            velocity_m_s: 0.1,
+        }
+    }
+}
+
+impl Config {
+    /// What the filter is started with.
+    pub fn prior(&self) -> Prior {
+        let p = &self.prior;
+        let level = p.level_deg.to_radians() as f32;
+        Prior {
+            position: [p.position_m as f32; 3],
+            velocity: [p.velocity_m_s as f32; 3],
+            attitude: [level, level, p.heading_deg.to_radians() as f32],
+            gyro_bias: [self.sensor.gyro_bias() as f32; 3],
+            accel_bias: [self.sensor.accel_bias() as f32; 3],
+        }
+    }
+
+    /// How the filter runs.
+    ///
+    /// # Errors
+    /// Those of [`BiasModel::from_correlation_times`] and [`Settings::check`].
+    pub fn settings(&self) -> Result<Settings, Error> {
+        let s = &self.sensor;
+        let seconds = |tau: Option<f64>| tau.map_or(f32::INFINITY, |h| (h * HOUR) as f32);
+        let bias =
+            BiasModel::from_correlation_times(seconds(s.gyro_tau_h), seconds(s.accel_tau_h))?;
+        let (gyro, accel) = (s.gyro_bias() as f32, s.accel_bias() as f32);
+        let noise =
+            NoiseDensity::from_random_walks(s.velocity_walk() as f32, s.angle_walk() as f32)
+                .with_stationary_biases(&bias, [gyro; 3], [accel; 3]);
+        let settings = Settings {
+            limits: ImuLimits {
+                dt_max: self.filter.gap_s as f32,
+                ..ImuLimits::DEFAULT
+            },
+            noise,
+            bias,
+            propagation_interval: self.filter.propagation_interval_s as f32,
+            gate: self.filter.gate.map(|g| g as f32),
+        };
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// How a standing vehicle is aligned.
+    ///
+    /// # Errors
+    /// Those of [`ZeroVelocity::new`].
+    pub fn plan(&self) -> Result<Plan, Error> {
+        let z = &self.zero_velocity;
+        Ok(Plan {
+            coarse_duration: self.coarse.seconds as f32,
+            zero_velocity: ZeroVelocity::new(z.sigma_m_s as f32, z.interval_s as f32)?,
+            turning: z.turning_deg_s.to_radians() as f32,
+        })
+    }
+}
+
+/// Reads a TOML file; what is wrong with it is said with its line and its key.
+///
+/// # Errors
+/// The file cannot be read, is no TOML, has an unknown key or a value of the wrong kind.
+pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, LabError> {
+    let text = fs::read_to_string(path)
+        .map_err(|e| LabError::in_file(path, format!("cannot be read: {e}")))?;
+    let refused = |error: &toml::de::Error, key: Option<String>| {
+        let at = error.span().map_or(0, |span| span.start);
+        let line = 1 + text.bytes().take(at).filter(|&b| b == b'\n').count();
+        let refused = LabError::in_file(path, error.message().to_owned()).line(line);
+        match key {
+            Some(key) => refused.field(key),
+            None => refused,
+        }
+    };
+    let document = toml::Deserializer::parse(&text).map_err(|e| refused(&e, None))?;
+    serde_path_to_error::deserialize(document).map_err(|error| {
+        let key = error.path().to_string();
+        let mut inner = error.into_inner();
+        inner.set_input(Some(&text));
+        refused(&inner, (key != ".").then_some(key))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_accepted_by_the_library() {
+        let config = Config::default();
+        assert!(config.settings().is_ok() && config.plan().is_ok());
+        assert!(config.prior().sigma0().is_ok());
+        // 0.02 °/h and 10 µg/√Hz in SI
+        assert!((config.sensor.gyro_bias() - 9.696e-8).abs() < 1e-11);
+        assert!((config.sensor.velocity_walk() - 9.807e-5).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_wrong_key_is_named_with_its_line() {
+        let path = std::env::temp_dir().join("navsight_config_test.toml");
+        for (text, place) in [
+            (
+                "[sensor]\ngyro_bias_deg_h = \"a\"\n",
+                ":2: sensor.gyro_bias_deg_h: ",
+            ),
+            ("[sensor]\n\ngyro_bais = 1\n", ":3: sensor.gyro_bais: "),
+            ("[sensor\n", ":1: "),
+        ] {
+            fs::write(&path, text).unwrap();
+            let message = read::<Config>(&path).unwrap_err().to_string();
+            assert!(message.contains(place), "{message}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The 15 states in the words and units of people, and ξ of an update.
+
+use navsight::error_model::N;
+use navsight::filter::UpdateReport;
+
+use crate::config::{DEG_PER_H, MICRO_G};
+
+/// One state for people.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    /// What it is called.
+    pub name: &'static str,
+    /// Unit it is shown in.
+    pub unit: &'static str,
+    /// That unit in SI.
+    pub in_si: f64,
+}
+
+const ARCSEC: f64 = core::f64::consts::PI / 180.0 / 3600.0;
+const DEG: f64 = core::f64::consts::PI / 180.0;
+
+const fn state(name: &'static str, unit: &'static str, in_si: f64) -> State {
+    State { name, unit, in_si }
+}
+
+/// In the order of the filter.
+pub const STATES: [State; N] = [
+    state("position east", "m", 1.0),
+    state("position north", "m", 1.0),
+    state("height", "m", 1.0),
+    state("velocity east", "mm/s", 1e-3),
+    state("velocity north", "mm/s", 1e-3),
+    state("velocity up", "mm/s", 1e-3),
+    state("tilt about east", "″", ARCSEC),
+    state("tilt about north", "″", ARCSEC),
+    state("heading", "°", DEG),
+    state("gyro bias right", "°/h", DEG_PER_H),
+    state("gyro bias forward", "°/h", DEG_PER_H),
+    state("gyro bias up", "°/h", DEG_PER_H),
+    state("accelerometer bias right", "µg", MICRO_G),
+    state("accelerometer bias forward", "µg", MICRO_G),
+    state("accelerometer bias up", "µg", MICRO_G),
+];
+
+/// ξ1 [1/s] and ξ2 of one update; NaN where one is not available.
+pub fn xi<const M: usize>(report: &UpdateReport<M>) -> ([f64; N], [f64; N]) {
+    let (mut xi1, mut xi2) = ([f64::NAN; N], [f64::NAN; N]);
+    let interval = f64::from(report.interval);
+    for i in (0..N).filter(|i| report.normalised & (1 << i) != 0) {
+        let (before, after) = (f64::from(report.p_before[i]), f64::from(report.p_after[i]));
+        if interval > 0.0 {
+            xi1[i] = (before - after) / interval;
+        }
+        if after > 0.0 {
+            xi2[i] = 1.0 / after;
+        }
+    }
+    (xi1, xi2)
+}
