@@ -1,14 +1,19 @@
-//! `cargo xtask size`: flash per room of the library in the bench firmware, and RAM per state.
+//! `cargo xtask size`: flash per room of the library in a firmware, and RAM per state.
+//!
+//! Link-time optimisation melts functions together, so the bytes are attributed by the debug information: each pair of
+//! bytes belongs to the innermost source line of the library (`linalg` aside) that led to it, whatever function it ended up in.
 
 use std::collections::BTreeMap;
-use std::process::ExitCode;
+use std::fs;
+use std::path::Path;
+use std::process::{ExitCode, Stdio};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::bench::{Firmware, FIRMWARES};
 use crate::packages::{self, NM};
 use crate::shell;
-use crate::toolchain;
+use crate::toolchain::{self, target_dir};
 
 /// Measures and prints both tables.
 pub fn run() -> Result<ExitCode> {
@@ -20,28 +25,23 @@ pub fn run() -> Result<ExitCode> {
         .collect();
     let mut flash: BTreeMap<String, Vec<u64>> = BTreeMap::new();
     for (column, build) in plain.iter().enumerate() {
-        let elf = build.elf(&toolchain)?;
-        let symbols = shell::run(
-            shell::command(NM.program)
-                .args(["-S", "-C", "--size-sort"])
-                .arg(elf),
-        )?;
-        for (bytes, name) in symbols.lines().filter_map(function) {
-            flash
-                .entry(group(name))
-                .or_insert_with(|| vec![0; plain.len()])[column] += bytes;
+        for (group, bytes) in attribute(&build.elf(&toolchain)?)? {
+            flash.entry(group).or_insert_with(|| vec![0; plain.len()])[column] += bytes;
         }
     }
     let columns: Vec<String> = plain
         .iter()
         .map(|build| format!("opt {}", build.opt))
         .collect();
-    println!("Flash of the bench firmware [bytes]; what was inlined counts where it went.\n");
-    println!("| functions of | {} |", columns.join(" | "));
+    println!("Flash of the bench firmware by source [bytes]\n");
+    println!("| source | {} |", columns.join(" | "));
     println!("|---|{}", "---|".repeat(plain.len()));
-    let mut rows: Vec<_> = flash.into_iter().collect();
-    rows.sort_by_key(|(_, bytes)| std::cmp::Reverse(bytes[0]));
-    for (name, bytes) in rows {
+    let (mut own, mut foreign): (Vec<_>, Vec<_>) = flash
+        .into_iter()
+        .partition(|(name, _)| name.starts_with("src/"));
+    foreign.sort_by_key(|(_, bytes)| std::cmp::Reverse(bytes[0]));
+    own.append(&mut foreign);
+    for (name, bytes) in own {
         let cells: Vec<String> = bytes.iter().map(u64::to_string).collect();
         println!("| {name} | {} |", cells.join(" | "));
     }
@@ -52,27 +52,70 @@ pub fn run() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Size and name of a line of `nm -S` that is a function.
-fn function(line: &str) -> Option<(u64, &str)> {
-    let mut fields = line.splitn(4, ' ');
-    let (_, size, kind, name) = (
-        fields.next()?,
-        fields.next()?,
-        fields.next()?,
-        fields.next()?,
-    );
-    let code = ["t", "T", "w", "W"].contains(&kind);
-    Some((u64::from_str_radix(size, 16).ok()?, name)).filter(|_| code)
+/// Bytes of code per source group.
+fn attribute(elf: &Path) -> Result<BTreeMap<String, u64>> {
+    let sections = shell::run(shell::command("arm-none-eabi-size").arg("-A").arg(elf))?;
+    let (start, length) = sections
+        .lines()
+        .find_map(code)
+        .context("the section .text")?;
+    let addresses = target_dir().join("addresses.txt");
+    let list: String = (start..start + length)
+        .step_by(2)
+        .map(|address| format!("{address:#x}\n"))
+        .collect();
+    fs::write(&addresses, list)?;
+    let mut addr2line = shell::command("arm-none-eabi-addr2line");
+    addr2line
+        .args(["-a", "-i", "-e"])
+        .arg(elf)
+        .stdin(Stdio::from(fs::File::open(&addresses)?));
+    let mut bytes = BTreeMap::new();
+    let answer = shell::run(&mut addr2line)?;
+    for frames in answer.split("0x").skip(1) {
+        *bytes.entry(group(frames.lines().skip(1))).or_default() += 2;
+    }
+    Ok(bytes)
 }
 
-/// Room of the library, or crate, that a function belongs to.
-fn group(name: &str) -> String {
-    let path = name.trim_start_matches(['<', '&', '_']);
-    let mut parts = path.split("::");
-    match (parts.next(), parts.next()) {
-        (Some("navsight"), Some(room)) => format!("navsight::{room}"),
-        (Some(krate), Some(_)) => krate.to_owned(),
-        _ => "compiler support and assembly".to_owned(),
+/// Start and length of the code, from a line of `size -A`.
+fn code(line: &str) -> Option<(u64, u64)> {
+    let mut fields = line.split_whitespace();
+    (fields.next()? == ".text").then_some(())?;
+    let length = fields.next()?.parse().ok()?;
+    Some((fields.next()?.parse().ok()?, length))
+}
+
+/// Source file of the library, or package, that a stack of inlined lines belongs to; the innermost stands first.
+fn group<'a>(frames: impl Iterator<Item = &'a str>) -> String {
+    let root = format!("{}/", shell::root().display());
+    let frames: Vec<&str> = frames.collect();
+    let own = || {
+        frames.iter().filter_map(|frame| {
+            let inside = frame.strip_prefix(&root).unwrap_or(frame);
+            inside.starts_with("src/").then_some(inside)
+        })
+    };
+    // Scalars and two-word sums are everybody's: the bytes belong to who adds.
+    let user = own().find(|frame| !frame.starts_with("src/linalg/"));
+    let example = || frames.iter().find_map(|frame| frame.strip_prefix(&root));
+    if let Some(file) = user.or_else(|| own().next()).or_else(example) {
+        return file.split(':').next().unwrap_or(file).to_owned();
+    }
+    let innermost = frames.first().copied().unwrap_or_default();
+    if let Some((_, path)) = innermost.split_once("/library/") {
+        return path.split('/').next().unwrap_or(path).to_owned();
+    }
+    // A package lies in a directory `name-version` of the registry.
+    let package = innermost.split('/').find(|part| {
+        part.rsplit_once('-')
+            .is_some_and(|(_, version)| version.starts_with(|c: char| c.is_ascii_digit()))
+            && part.contains('.')
+            && !part.contains("index")
+    });
+    match package.and_then(|part| part.rsplit_once('-')) {
+        Some((name, _)) => name.to_owned(),
+        None => "assembly and unknown".to_owned(),
     }
 }
 
@@ -81,18 +124,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn functions_fall_into_rooms() {
+    fn inlined_code_belongs_to_the_line_of_the_library_that_led_to_it() {
+        let root = shell::root().display();
+        let frames = format!("/usr/lib/rustlib/src/rust/library/core/src/ops/arith.rs:9\n{root}/src/nav.rs:70\n{root}/examples/bench.rs:1");
+        assert_eq!(group(frames.lines()), "src/nav.rs");
+        let frames = format!("{root}/src/linalg/two.rs:9\n{root}/src/covariance/structured.rs:70");
+        assert_eq!(group(frames.lines()), "src/covariance/structured.rs");
         assert_eq!(
-            function("00000400 00000102 t navsight::nav::NavState::advance"),
-            Some((258, "navsight::nav::NavState::advance"))
+            group("/usr/lib/rustlib/src/rust/library/core/src/fmt/num.rs:9".lines()),
+            "core"
         );
-        assert_eq!(function("20000000 00000004 b SOMETHING"), None);
-        assert_eq!(group("navsight::nav::NavState::advance"), "navsight::nav");
         assert_eq!(
-            group("<navsight::filter::Filter>::update"),
-            "navsight::filter"
+            group("/home/a/registry/src/x/libm-0.2.16/src/math/sinf.rs:3".lines()),
+            "libm"
         );
-        assert_eq!(group("libm::math::sinf::sinf"), "libm");
-        assert_eq!(group("__aeabi_dmul"), "compiler support and assembly");
+        assert_eq!(group("??:0".lines()), "assembly and unknown");
+        assert_eq!(
+            code(".text              104076        1024"),
+            Some((1024, 104_076))
+        );
     }
 }

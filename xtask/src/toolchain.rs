@@ -65,7 +65,9 @@ impl Toolchain {
     /// `cargo SUBCOMMAND` of this toolchain, with its own target directory.
     pub fn cargo(&self, subcommand: &str) -> Command {
         let mut command = rust(self.name, "cargo");
-        command.arg(subcommand).env("CARGO_TARGET_DIR", target_dir());
+        command
+            .arg(subcommand)
+            .env("CARGO_TARGET_DIR", target_dir());
         command
     }
 }
