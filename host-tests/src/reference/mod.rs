@@ -1,0 +1,3 @@
+//! Double-precision twins, written from the equations and not from the library's code.
+
+pub mod error_model;
