@@ -102,7 +102,7 @@ impl<T: Real> Environment<T> {
     /// ```
     ///
     /// The level terms are the turn of the vertical between the two positions; on a sphere the last one is the usual
-    /// 2g/R. Left out: the centrifugal part 2ω_ie² = 1.06e-8 /s² of the vertical gradient (0.35 % of it; Bruns'
+    /// 2g/R. Left out: the centrifugal part 2ω_ie² < 1.07e-8 /s² of the vertical gradient (0.35 % of it; Bruns'
     /// formula), and ∂g/∂L·1/R ≤ 8.2e-9 /s², which would couple δr_N into the vertical channel.
     #[inline(always)]
     pub fn gravity_gradient(&self) -> Vector3<T> {

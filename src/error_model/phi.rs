@@ -23,9 +23,10 @@ use crate::linalg::{skew, Real};
 /// The states are metres, δr_N = (R_M+h) δL and δr_E = (R_N+h) cosL δλ; the rows of δṙ are exact for that definition, the
 /// radii's change with latitude included. Left out in δω_en: ∂R_M/∂L and ∂R_N/∂L, at most 1.0e-2 R and 3.4e-3 R, hence
 /// at most 1.0e-2·|v|/R² rad/s per metre of δr_N (7e-14 at 300 m/s); and the two terms of gravity named at
-/// [`Environment::gravity_gradient`]. On a sphere without rotation of gravity nothing is left out.
+/// [`Environment::gravity_gradient`]. On a sphere with gravity towards its centre nothing is left
+/// out.
 ///
-/// Arguments as [`psi::f_matrix`](super::psi::f_matrix). Source: Groves 2013 section 14.2.4, Savage 2000 section 12.3,
+/// Arguments as [`psi::f_matrix`](super::psi::f_matrix). Source: Benson 1975 and Groves 2013 section 14.2.4,
 /// re-derived for metres in east-north-up. Against finite differences: `host-tests/tests/error_model.rs`.
 pub fn f_matrix<T: Real>(
     env: &Environment<T>,

@@ -23,7 +23,8 @@ use crate::linalg::{skew, Real};
 /// gravity named at [`Environment::gravity_gradient`]. A bias is truth minus estimate, so it adds to what the
 /// estimate feels: f̂ = f + b_a, ω̂ = ω + b_g; and Ĉ = (I − [ψ×]) C turns +b_g into −C b_g.
 ///
-/// Source: Benson 1975 and Groves 2013 section 14.2 (there with other signs); Lu 2009 eqs 25–27 are this F at rest.
+/// Source: Benson 1975, "A comparison of two approaches to pure-inertial and Doppler-inertial error analysis"; at rest,
+/// with position angles in place of metres, the A₁ and A₂ of Lu 2009, eq. 24.
 /// Against finite differences: `host-tests/tests/error_model.rs`.
 pub fn f_matrix<T: Real>(
     env: &Environment<T>,

@@ -38,6 +38,11 @@ impl Height {
         })
     }
 
+    /// Nominal interval between two such updates [s], zero or below when unknown.
+    pub fn interval(&self) -> f32 {
+        self.interval
+    }
+
     /// ν = h_z − ĥ, a row −1 on δr_U.
     pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
         let height = nav.strapdown().height;

@@ -31,6 +31,11 @@ impl Position {
         })
     }
 
+    /// Nominal interval between two such updates [s], zero or below when unknown.
+    pub fn interval(&self) -> f32 {
+        self.interval
+    }
+
     /// ν = ((λ_z − λ̂)(R_N+h) cos L, (L_z − L̂)(R_M+h), h_z − ĥ) [m], rows −1 on δr.
     ///
     /// The differences are taken before anything is rounded to f32 ([`NavState::displacement_to`]). Left out: second

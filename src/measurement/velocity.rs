@@ -39,6 +39,11 @@ impl Velocity {
         })
     }
 
+    /// Nominal interval between two such updates [s], zero or below when unknown.
+    pub fn interval(&self) -> f32 {
+        self.interval
+    }
+
     /// ν = z − v̂_n, rows −1 on δv.
     ///
     /// Left out: δv compares velocities in the frame at the estimated position, z comes in the frame at the true one.
