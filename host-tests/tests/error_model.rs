@@ -348,6 +348,7 @@ fn blocks_are_f_in_units_of_sigma0() {
             interval.add(&s.c_b_n, &(f_n / 64.0), 1.0 / 64.0);
         }
         let t = block_transition(&env, &interval, &scaling);
+        assert_eq!(t.noise() * 8.0, rates.noise());
         let error = (t.dense() * 8.0 - rates.dense())
             .zip_map(&rates.dense(), |e, x| e.abs() / x.abs().max(1e-300));
         assert!(error.max() < 1e-15, "{error}");
