@@ -121,10 +121,11 @@ impl<const M: usize> Jacobian<M> {
     }
 }
 
-/// Smallest standard deviation of a row that is accepted: its square is still a normal f32.
-pub const MIN_SIGMA: f32 = 1e-15;
+/// Smallest standard deviation of a row that is accepted: far below any sensor, and its square is still a normal f32
+/// after division by a prior variance.
+pub const MIN_SIGMA: f32 = 1e-12;
 /// Largest standard deviation of a row that is accepted.
-pub const MAX_SIGMA: f32 = 1e15;
+pub const MAX_SIGMA: f32 = 1e9;
 
 /// Variance of a standard deviation, checked.
 ///
