@@ -196,19 +196,11 @@ pub fn normalized<T: Real>(q: [T; 4]) -> Result<[T; 4], Error> {
 /// Without the 1, small rotations keep all their digits. The series is good to f32 rounding up to |φ| = 2π, one turn.
 /// For corrections and tests; the mechanization has a shorter one.
 pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
-    let p = 0.25 * (phi.x * phi.x + phi.y * phi.y + phi.z * phi.z); // (|φ|/2)²
-                                                                    // 1/n! alternating, n = 19 … 3 and 18 … 2, by nested multiplication
-    let (mut sine, mut cosine) = (1.0, 1.0);
-    let mut n = 18.0;
-    while n >= 2.0 {
-        sine = 1.0 - sine * p / (n * (n + 1.0));
-        n -= 2.0;
-    }
-    n = 17.0;
-    while n >= 3.0 {
-        cosine = 1.0 - cosine * p / (n * (n + 1.0));
-        n -= 2.0;
-    }
+    // (|φ|/2)²
+    let p = 0.25 * (phi.x * phi.x + phi.y * phi.y + phi.z * phi.z);
+    // sin y/y and 2(1 − cos y)/y² of y² = p: 2·3, 4·5, … and 3·4, 5·6, …
+    let sine = nested(p, &SINE);
+    let cosine = nested(p, &COSINE);
     [
         -0.5 * p * cosine,
         0.5 * sine * phi.x,
@@ -216,3 +208,33 @@ pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
         0.5 * sine * phi.z,
     ]
 }
+
+/// 1 − p·c_last (… (1 − p·c_first)).
+#[inline(always)]
+fn nested<const K: usize>(p: f32, c: &[f32; K]) -> f32 {
+    c.iter().fold(1.0, |series, c| 1.0 - series * (p * c))
+}
+
+/// 1/(18·19) … 1/(2·3).
+const SINE: [f32; 9] = [
+    1.0 / 342.0,
+    1.0 / 272.0,
+    1.0 / 210.0,
+    1.0 / 156.0,
+    1.0 / 110.0,
+    1.0 / 72.0,
+    1.0 / 42.0,
+    1.0 / 20.0,
+    1.0 / 6.0,
+];
+/// 1/(17·18) … 1/(3·4).
+const COSINE: [f32; 8] = [
+    1.0 / 306.0,
+    1.0 / 240.0,
+    1.0 / 182.0,
+    1.0 / 132.0,
+    1.0 / 90.0,
+    1.0 / 56.0,
+    1.0 / 30.0,
+    1.0 / 12.0,
+];

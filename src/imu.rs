@@ -112,15 +112,40 @@ impl ImuIncrement {
     }
 }
 
-/// A sample with coning and sculling taken into account: what turns and moves the body, exactly once.
+/// A sample with coning and sculling taken into account.
+///
+/// The rotation is kept as what was measured and the small correction that belongs to it, down to the sums of the
+/// mechanization: added here, the correction would be rounded to the last place of the increment, always the same way,
+/// and a swing of 5° would drift by 0.2″ an hour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Rotation vector of the body over the sample, φ [rad].
-    pub phi_b: Vector3<f32>,
+    /// Increment of angle as measured [rad].
+    pub delta_theta_b: Vector3<f32>,
+    /// What makes it the rotation vector of the sample: coning, less the bias [rad].
+    pub theta_correction_b: Vector3<f32>,
     /// ∫f dt resolved in the body axes at the *middle* of the sample [m/s].
     pub delta_v_mid: Vector3<f32>,
     /// Length of the sample [s].
     pub dt: f32,
+}
+
+impl Motion {
+    /// Rotation vector of the body over the sample [rad].
+    pub fn phi_b(&self) -> Vector3<f32> {
+        self.delta_theta_b + self.theta_correction_b
+    }
+
+    /// Takes biases off, gyro [rad/s] and accelerometer [m/s²]. Rounding of the velocity increment costs at most
+    /// 0.04 µg at 1 g and any rate.
+    #[inline(always)]
+    pub fn less_biases(&self, b_g: &Vector3<f32>, b_a: &Vector3<f32>) -> Self {
+        let (t, u, dt) = (&self.theta_correction_b, &self.delta_v_mid, self.dt);
+        Self {
+            theta_correction_b: Vector3::new(t.x - b_g.x * dt, t.y - b_g.y * dt, t.z - b_g.z * dt),
+            delta_v_mid: Vector3::new(u.x - b_a.x * dt, u.y - b_a.y * dt, u.z - b_a.z * dt),
+            ..*self
+        }
+    }
 }
 
 /// Two-sample coning and sculling: the previous sample tells how rate and force change.
@@ -134,6 +159,9 @@ pub struct Motion {
 /// its beginning does not appear. Exact for a rate and a force that change linearly over both samples, to second order
 /// in the angle. A sample of over 1.5 times the length of the previous one (something was lost in between), and the
 /// first one, are taken as they are.
+///
+/// Increments are remembered as measured: what a constant bias adds to the products cancels from sample to sample, and
+/// a new bias estimate does not look like an angular acceleration.
 ///
 /// Source: Savage 1998, Strapdown inertial navigation integration algorithm design, parts 1 and 2 (coning and sculling
 /// with the previous increment), extended to unequal samples by integrating the same linear model.
@@ -152,28 +180,29 @@ impl ConingSculling {
         dt: 1.0,
     };
 
-    /// The corrected motion of this sample. `imu` is free of biases and checked; it is not yet remembered.
+    /// This sample with coning and sculling taken into account. `imu` has been checked; it is not yet remembered.
     #[inline(always)]
     pub fn correct(&self, imu: &ImuIncrement) -> Motion {
         let (a0, u0) = (&self.delta_theta_b, &self.delta_v_b);
-        let (a, u) = (&imu.delta_theta_b, &imu.delta_v_b);
-        let k = if imu.dt <= 1.5 * self.dt {
-            imu.dt * imu.dt / (6.0 * self.dt * (imu.dt + self.dt))
+        let (a, u, dt) = (&imu.delta_theta_b, &imu.delta_v_b, imu.dt);
+        let k = if dt <= 1.5 * self.dt {
+            dt * dt / (6.0 * self.dt * (dt + self.dt))
         } else {
             0.0
         };
         Motion {
-            phi_b: Vector3::new(
-                a.x + k * (a0.y * a.z - a0.z * a.y),
-                a.y + k * (a0.z * a.x - a0.x * a.z),
-                a.z + k * (a0.x * a.y - a0.y * a.x),
+            delta_theta_b: *a,
+            theta_correction_b: Vector3::new(
+                k * (a0.y * a.z - a0.z * a.y),
+                k * (a0.z * a.x - a0.x * a.z),
+                k * (a0.x * a.y - a0.y * a.x),
             ),
             delta_v_mid: Vector3::new(
                 u.x + k * ((a0.y * u.z - a0.z * u.y) + (u0.y * a.z - u0.z * a.y)),
                 u.y + k * ((a0.z * u.x - a0.x * u.z) + (u0.z * a.x - u0.x * a.z)),
                 u.z + k * ((a0.x * u.y - a0.y * u.x) + (u0.x * a.y - u0.y * a.x)),
             ),
-            dt: imu.dt,
+            dt,
         }
     }
 

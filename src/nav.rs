@@ -3,11 +3,10 @@
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
-use crate::attitude::{c_b_n, normalized, rotation_minus_one, Enu, Euler, RfuToEnu};
+use crate::attitude::{c_b_n, normalized, product, rotation_minus_one, Enu, Euler, RfuToEnu};
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
 use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
-use crate::linalg::Two;
 use crate::mechanization::{Step, Strapdown};
 
 /// Largest gyro bias that is compensated, per axis [rad/s].
@@ -57,23 +56,9 @@ impl NavState {
         if !v_n.iter().all(|x| x.is_finite()) {
             return Err(Error::NonFinite);
         }
-        let q = normalized(attitude.into().0)?.map(|hi| Two { hi, lo: 0.0 });
-        let v_n = [v_n.x, v_n.y, v_n.z].map(|hi| Two { hi, lo: 0.0 });
-        let (lat, lon, height) = (
-            Two::of(position.lat),
-            Two::of(position.lon),
-            Two::of(position.height),
-        );
-        let mut strapdown = Strapdown {
-            q,
-            v_n,
-            lat,
-            lon,
-            height,
-            countdown: 0,
-        };
+        let q = normalized(attitude.into().0)?;
+        let mut strapdown = Strapdown::new(&position, &v_n, q);
         strapdown.admit()?;
-        strapdown.normalize();
         Ok(Self {
             strapdown,
             b_g: Vector3::zeros(),
@@ -112,15 +97,9 @@ impl NavState {
         limits: &ImuLimits,
     ) -> Result<Step, Error> {
         imu.check(limits)?;
-        let (t, v, dt) = (&imu.delta_theta_b, &imu.delta_v_b, imu.dt);
-        let (b_g, b_a) = (&self.b_g, &self.b_a);
-        let free = ImuIncrement {
-            delta_theta_b: Vector3::new(t.x - b_g.x * dt, t.y - b_g.y * dt, t.z - b_g.z * dt),
-            delta_v_b: Vector3::new(v.x - b_a.x * dt, v.y - b_a.y * dt, v.z - b_a.z * dt),
-            dt,
-        };
-        let step = self.strapdown.step(&self.coning.correct(&free))?;
-        self.coning.remember(&free);
+        let motion = self.coning.correct(imu).less_biases(&self.b_g, &self.b_a);
+        let step = self.strapdown.step(&motion)?;
+        self.coning.remember(imu);
         Ok(step)
     }
 
@@ -141,46 +120,45 @@ impl NavState {
         if !dx.iter().all(|x| x.is_finite()) {
             return Err(Error::NonFinite);
         }
+        let [dx] = &dx.data.0;
+        let &[r_e, r_n, r_u, dv_e, dv_n, dv_u, psi_e, psi_n, psi_u, ref biases @ ..] = dx;
+        let &[bg_x, bg_y, bg_z, ba_x, ba_y, ba_z] = biases;
         let local = self.local();
-        let delta_theta = Vector3::new(
-            -dx[1] * local.inv_r_m,
-            dx[0] * local.inv_r_n,
-            dx[0] * local.inv_r_n * local.tan_lat,
-        );
-        let phi = Vector3::new(dx[6], dx[7], dx[8]) + delta_theta;
-        // Sums of squares of finite numbers: ∞ at worst, never NaN.
-        if phi.norm_squared() > core::f32::consts::TAU * core::f32::consts::TAU {
+        let east = r_e * local.inv_r_n;
+        let delta_theta = Vector3::new(-r_n * local.inv_r_m, east, east * local.tan_lat);
+        let phi = Vector3::new(psi_e, psi_n, psi_u) + delta_theta;
+        // A sum of squares of finite numbers: ∞ at worst, never NaN.
+        let phi2 = phi.x * phi.x + phi.y * phi.y + phi.z * phi.z;
+        if phi2 > core::f32::consts::TAU * core::f32::consts::TAU {
             return Err(Error::OutOfRange);
         }
         let mut next = *self;
-        next.b_g += Vector3::new(dx[9], dx[10], dx[11]);
-        next.b_a += Vector3::new(dx[12], dx[13], dx[14]);
+        next.b_g = Vector3::new(self.b_g.x + bg_x, self.b_g.y + bg_y, self.b_g.z + bg_z);
+        next.b_a = Vector3::new(self.b_a.x + ba_x, self.b_a.y + ba_y, self.b_a.z + ba_z);
         check_biases(&next.b_g, &next.b_a)?;
 
         let s = &mut next.strapdown;
-        s.lat.add(-dx[1] * local.inv_r_m);
-        s.lon.add(-dx[0] * (local.inv_r_n * local.inv_cos_lat));
-        s.height.add(-dx[2]);
-        // v − δv, then the turn as v + (C(δθ) − I) v
-        for (v, d) in s.v_n.iter_mut().zip([dx[3], dx[4], dx[5]]) {
-            v.add(-d);
-        }
-        let v = Vector3::new(s.v_n[0].hi, s.v_n[1].hi, s.v_n[2].hi);
-        let e = rotation_minus_one(&delta_theta);
-        let axis = Vector3::new(e[1], e[2], e[3]);
-        let t = 2.0 * axis.cross(&v);
-        let turned = t * (1.0 + e[0]) + axis.cross(&t);
-        for (v, d) in s.v_n.iter_mut().zip([turned.x, turned.y, turned.z]) {
-            v.add(d);
-        }
+        s.lat.add(-r_n * local.inv_r_m);
+        s.lon.add(-r_e * (local.inv_r_n * local.inv_cos_lat));
+        s.height.add(-r_u);
+        let [v_e, v_n, v_u] = &mut s.v_n;
+        v_e.add(-dv_e);
+        v_n.add(-dv_n);
+        v_u.add(-dv_u);
+        // The turn of v to second order of δθ, which is a milliradian at 6 km.
+        let v = Vector3::new(v_e.hi, v_n.hi, v_u.hi);
+        let t = delta_theta.cross(&v);
+        let turn = t + 0.5 * delta_theta.cross(&t);
+        v_e.add(turn.x);
+        v_n.add(turn.y);
+        v_u.add(turn.z);
         // (exp(φ/2) − 1) ∘ q
-        let e = rotation_minus_one(&phi);
-        let d = crate::attitude::product(&e, &s.q.map(|w| w.hi));
+        let d = product(&rotation_minus_one(&phi), &s.q.map(|w| w.hi));
         for (q, d) in s.q.iter_mut().zip(d) {
             q.add(d);
         }
         s.admit()?;
-        s.normalize();
+        s.settle();
         *self = next;
         Ok(())
     }

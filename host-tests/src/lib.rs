@@ -15,4 +15,6 @@ pub mod reference;
 #[cfg(not(target_os = "none"))]
 pub mod report;
 #[cfg(not(target_os = "none"))]
+pub mod sim;
+#[cfg(not(target_os = "none"))]
 pub mod simulator;

@@ -112,7 +112,7 @@ impl CoarseAlignment {
         self.corrections.remember(imu);
         let [qw, qx, qy, qz] = &mut self.q;
         let q = [qw.hi, qx.hi, qy.hi, qz.hi];
-        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&motion.phi_b));
+        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&motion.phi_b()));
         let middle = [
             q[0] + 0.5 * dw,
             q[1] + 0.5 * dx,

@@ -1,3 +1,4 @@
 //! Double-precision twins, written from the equations and not from the library's code.
 
 pub mod error_model;
+pub mod strapdown;
