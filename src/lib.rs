@@ -43,3 +43,4 @@ pub mod measurement;
 pub mod mechanization;
 pub mod nav;
 pub mod observability;
+pub mod sensor;
