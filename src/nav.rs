@@ -111,7 +111,7 @@ impl NavState {
     /// C  ← exp([(ψ+δθ)×]) C
     /// b_g ← b_g + δb_g,   b_a ← b_a + δb_a
     /// ```
-    /// The rotations are proper ones at any angle up to one turn.
+    /// The rotations are proper ones at any angle up to one turn. A δx of nothing but zeros changes nothing.
     ///
     /// # Errors
     /// [`Error::NonFinite`]; [`Error::OutOfRange`] for an attitude correction of more than one turn or a result
@@ -119,6 +119,9 @@ impl NavState {
     pub fn correct(&mut self, dx: &SVector<f32, 15>) -> Result<(), Error> {
         if !dx.iter().all(|x| x.is_finite()) {
             return Err(Error::NonFinite);
+        }
+        if dx.iter().all(|x| *x == 0.0) {
+            return Ok(());
         }
         let [dx] = &dx.data.0;
         let &[r_e, r_n, r_u, dv_e, dv_n, dv_u, psi_e, psi_n, psi_u, ref biases @ ..] = dx;
