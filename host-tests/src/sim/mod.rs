@@ -18,7 +18,7 @@ mod trajectory;
 mod truth;
 
 pub use sensor::{Sensor, SensorErrors};
-pub use trajectory::{ClimbingTurns, Coning, Pose, Static, Swing, Trajectory};
+pub use trajectory::{ClimbingTurns, Coning, Pose, Static, Swing, Trajectory, Turn};
 pub use truth::{Ideal, Simulator, Truth};
 
 /// One degree [rad].

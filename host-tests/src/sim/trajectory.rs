@@ -60,6 +60,35 @@ impl Trajectory for Static {
     }
 }
 
+/// Standing still, with one turn of the heading on the spot at a constant rate.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    /// Before the turn.
+    pub before: Static,
+    /// When it begins [s].
+    pub begin: f64,
+    /// How long it lasts [s].
+    pub duration: f64,
+    /// Clockwise positive [rad/s].
+    pub rate: f64,
+}
+
+impl Trajectory for Turn {
+    fn start(&self) -> Geodetic {
+        self.before.at
+    }
+    fn pose(&self, t: f64) -> Pose {
+        let mut pose = self.before.pose(t);
+        let since = t - self.begin;
+        pose.euler.x += self.rate * since.clamp(0.0, self.duration);
+        // The nodes of an integration never fall on the corners when the samples do.
+        if since > 0.0 && since < self.duration {
+            pose.euler_rate.x = self.rate;
+        }
+        pose
+    }
+}
+
 /// Rocking in pitch and roll on the spot, a quarter of a period apart: the two-axis swing that cones.
 #[derive(Clone, Copy, Debug)]
 pub struct Swing {
