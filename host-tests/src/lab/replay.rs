@@ -185,6 +185,8 @@ struct Replay<'a> {
     zero_velocity: ZeroVelocity,
     coarse: Option<(CoarseSolution, Solution)>,
     next_fix: usize,
+    /// Mean distance between fixes [s].
+    fix_interval: f32,
     next_attitude: usize,
     /// Since the last zero-velocity update was due: seconds, and whether all of them were at rest.
     waited: f64,
@@ -195,7 +197,7 @@ struct Replay<'a> {
     rejected: u64,
     compared: Compared,
     events: Vec<(f64, String)>,
-    history: History,
+    history: History<Snapshot>,
     time: f64,
     samples: u64,
 }
@@ -241,6 +243,12 @@ impl<'a> Replay<'a> {
         let settings = config.settings().map_err(impossible)?;
         let alignment =
             StandingAlignment::new(position, plan, config.prior(), settings).map_err(impossible)?;
+        let fix_interval = match (aids.fixes.first(), aids.fixes.last()) {
+            (Some(first), Some(last)) if last.t > first.t => {
+                ((last.t - first.t) / (aids.fixes.len() - 1) as f64) as f32
+            }
+            _ => 0.0, // unknown
+        };
         Ok(Self {
             axes: args.axes,
             config,
@@ -249,6 +257,7 @@ impl<'a> Replay<'a> {
             zero_velocity: plan.zero_velocity,
             coarse: None,
             next_fix: 0,
+            fix_interval,
             next_attitude: 0,
             waited: 0.0,
             rested: true,
@@ -287,7 +296,7 @@ impl<'a> Replay<'a> {
         match &mut self.driver {
             Driver::Standing(alignment) => {
                 let progress = alignment.take(&imu).map_err(refused)?;
-                self.progress(progress);
+                self.progress(progress).map_err(refused)?;
             }
             Driver::Aided(filter) => {
                 filter.propagate(&imu).map_err(refused)?;
@@ -307,7 +316,7 @@ impl<'a> Replay<'a> {
     }
 
     /// What the alignment of a standing vehicle did with a sample.
-    fn progress(&mut self, progress: Progress) {
+    fn progress(&mut self, progress: Progress) -> Result<(), Error> {
         match progress {
             Progress::Coarse | Progress::Between => {}
             Progress::Started(coarse) => {
@@ -324,9 +333,10 @@ impl<'a> Replay<'a> {
             Progress::Turning => self.turning(true),
             Progress::Updated(report) => {
                 self.turning(false);
-                self.updated(&report);
+                self.updated(&[report])?;
             }
         }
+        Ok(())
     }
 
     /// Fixes and zero velocity of this recording, where they are due.
@@ -345,11 +355,12 @@ impl<'a> Replay<'a> {
             let g = &self.config.gnss;
             let (flat, up) = (g.position_m as f32, g.height_m as f32);
             let place = Geodetic::from_degrees(fix.lat_deg, fix.lon_deg, fix.height);
-            let position = Position::new(place, Vector3::new(flat, flat, up), 0.0)?;
+            let interval = self.fix_interval;
+            let position = Position::new(place, Vector3::new(flat, flat, up), interval)?;
             reports.push(filter.update(&position.linearize(filter.nav()))?);
             if let Some(v) = fix.v_n {
                 let v = Vector3::from(v.map(|x| x as f32));
-                let velocity = Velocity::new(v, Vector3::repeat(g.velocity_m_s as f32), 0.0)?;
+                let velocity = Velocity::new(v, Vector3::repeat(g.velocity_m_s as f32), interval)?;
                 reports.push(filter.update(&velocity.linearize(filter.nav()))?);
             }
         }
@@ -363,10 +374,7 @@ impl<'a> Replay<'a> {
                 (self.waited, self.rested) = (0.0, true);
             }
         }
-        for report in &reports {
-            self.updated(report);
-        }
-        Ok(())
+        self.updated(&reports)
     }
 
     fn turning(&mut self, now: bool) {
@@ -383,19 +391,26 @@ impl<'a> Replay<'a> {
         }
     }
 
-    fn updated(&mut self, report: &UpdateReport<3>) {
-        let accepted = report.rows_accepted();
-        if accepted > 0 {
-            self.nis.sum += f64::from(report.nis);
-            self.nis.rows += accepted as u64;
-            self.nis.updates += 1;
-            self.nis.last = f64::from(report.nis) / accepted as f64;
+    /// All updates of one instant.
+    fn updated(&mut self, reports: &[UpdateReport<3>]) -> Result<(), Error> {
+        if reports.is_empty() {
+            return Ok(());
         }
-        if accepted < 3 {
-            self.rejected += (3 - accepted) as u64;
-            self.event(&format!("{} of 3 rows beyond the gate", 3 - accepted));
+        let (mut nis, mut rows) = (0.0, 0);
+        for report in reports {
+            nis += f64::from(report.nis);
+            rows += report.rows_accepted();
+            let refused = 3 - report.rows_accepted();
+            if refused > 0 {
+                self.rejected += refused as u64;
+                self.event(&format!("{refused} of 3 rows beyond the gate"));
+            }
         }
-        let (xi1, xi2) = xi(report);
+        self.nis.sum += nis;
+        self.nis.rows += rows as u64;
+        self.nis.updates += reports.len() as u64;
+        self.nis.last = nis / rows as f64;
+        let (xi1, xi2) = xi(reports)?;
         self.last = Some(Last { xi1, xi2 });
         if let Some(filter) = self.filter() {
             let snapshot = Snapshot {
@@ -408,6 +423,7 @@ impl<'a> Replay<'a> {
             };
             self.history.push(snapshot);
         }
+        Ok(())
     }
 
     /// Differences to the reference at its instants, at the sample just behind.
@@ -483,7 +499,7 @@ struct Outcome {
     rejected: u64,
     compared: Compared,
     events: Vec<(f64, String)>,
-    history: History,
+    history: History<Snapshot>,
     time: f64,
     samples: u64,
 }
@@ -665,7 +681,7 @@ impl Outcome {
         let line = |value: &dyn Fn(&Snapshot) -> f64| Series {
             label: String::new(),
             color: blue,
-            points: self.history.line(value),
+            points: self.history.line(|s| (s.t, value(s))),
         };
         page.section("Attitude and its standard deviation");
         let first = self

@@ -1,7 +1,9 @@
 //! The 15 states in the words and units of people, and ξ of an update.
 
+use navsight::error::Error;
 use navsight::error_model::N;
 use navsight::filter::UpdateReport;
+use navsight::observability::diagonal::Xi;
 
 use crate::config::{DEG_PER_H, MICRO_G};
 
@@ -42,18 +44,18 @@ pub const STATES: [State; N] = [
     state("accelerometer bias up", "µg", MICRO_G),
 ];
 
-/// ξ1 [1/s] and ξ2 of one update; NaN where one is not available.
-pub fn xi<const M: usize>(report: &UpdateReport<M>) -> ([f64; N], [f64; N]) {
-    let (mut xi1, mut xi2) = ([f64::NAN; N], [f64::NAN; N]);
-    let interval = f64::from(report.interval);
-    for i in (0..N).filter(|i| report.normalised & (1 << i) != 0) {
-        let (before, after) = (f64::from(report.p_before[i]), f64::from(report.p_after[i]));
-        if interval > 0.0 {
-            xi1[i] = (before - after) / interval;
+/// ξ1 [1/s] and ξ2 of the updates of one instant; NaN where one is not available. Their rows share one ξ1.
+///
+/// # Errors
+/// [`Error::Variance`] when the filter is broken.
+pub fn xi(reports: &[UpdateReport<3>]) -> Result<([f64; N], [f64; N]), Error> {
+    let (mut xi1, mut xi2) = ([0.0; N], [f64::NAN; N]);
+    for report in reports {
+        let xi = Xi::of(report)?;
+        for (to, x) in xi1.iter_mut().zip(xi.xi1.all()) {
+            *to += x.map_or(f64::NAN, f64::from);
         }
-        if after > 0.0 {
-            xi2[i] = 1.0 / after;
-        }
+        xi2 = xi.xi2.all().map(|x| x.map_or(f64::NAN, f64::from));
     }
-    (xi1, xi2)
+    Ok((xi1, xi2))
 }
