@@ -53,6 +53,7 @@ pub const DEG_PER_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
 /// One micro-g [m/s²].
 pub const MICRO_G: f64 = 9.806_65e-6;
 const HOUR: f64 = 3600.0;
+const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// Everything but the position.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -92,18 +93,40 @@ pub struct Sensor {
 
 impl Default for Sensor {
     fn default() -> Self {
+        Self::of(Grade::Navigation)
+    }
+}
+
+/// Grades of inertial sensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Grade {
+    /// 0.003 °/h, 25 µg
+    High,
+    /// 0.02 °/h, 100 µg
+    Navigation,
+    /// 1 °/h, 1000 µg
+    Tactical,
+}
+
+impl Sensor {
+    /// Typical numbers of a grade.
+    pub fn of(grade: Grade) -> Self {
+        let [gyro_bias_deg_h, accel_bias_ug, angle_walk_deg_sqrt_h, velocity_walk_ug_sqrt_hz] =
+            match grade {
+                Grade::High => [0.003, 25.0, 0.0005, 5.0],
+                Grade::Navigation => [0.02, 100.0, 0.003, 10.0],
+                Grade::Tactical => [1.0, 1000.0, 0.1, 100.0],
+            };
         Self {
-            gyro_bias_deg_h: 0.02,
-            accel_bias_ug: 100.0,
-            angle_walk_deg_sqrt_h: 0.003,
-            velocity_walk_ug_sqrt_hz: 10.0,
+            gyro_bias_deg_h,
+            accel_bias_ug,
+            angle_walk_deg_sqrt_h,
+            velocity_walk_ug_sqrt_hz,
             gyro_tau_h: None,
             accel_tau_h: None,
         }
     }
-}
 
-impl Sensor {
     /// Angle random walk [rad/√s].
     pub fn angle_walk(&self) -> f64 {
         self.angle_walk_deg_sqrt_h.to_radians() / HOUR.sqrt()
@@ -231,14 +254,19 @@ impl Default for Gnss {
 }
 
 impl Config {
-    /// What the filter is started with.
-    pub fn prior(&self) -> Prior {
+    /// What the filter is started with at this latitude [rad]. A sensor whose biases tilt the level or turn the
+    /// gyrocompass by more than the configured level and heading makes those wider.
+    pub fn prior(&self, lat: f64) -> Prior {
         let p = &self.prior;
-        let level = p.level_deg.to_radians() as f32;
+        let tilt = self.sensor.accel_bias() / STANDARD_GRAVITY;
+        let level = p.level_deg.to_radians().max(tilt) as f32;
+        let compass = self.sensor.gyro_bias() / (navsight::earth::OMEGA_IE * lat.cos());
+        let heading = p.heading_deg.to_radians().max(compass);
+        let heading = (heading as f32).min(navsight::alignment::coarse::UNKNOWN_HEADING);
         Prior {
             position: [p.position_m as f32; 3],
             velocity: [p.velocity_m_s as f32; 3],
-            attitude: [level, level, p.heading_deg.to_radians() as f32],
+            attitude: [level, level, heading],
             gyro_bias: [self.sensor.gyro_bias() as f32; 3],
             accel_bias: [self.sensor.accel_bias() as f32; 3],
         }
@@ -318,7 +346,15 @@ mod tests {
     fn the_defaults_are_accepted_by_the_library() {
         let config = Config::default();
         assert!(config.settings().is_ok() && config.plan().is_ok());
-        assert!(config.prior().sigma0().is_ok());
+        assert_eq!(config.prior(0.6).attitude[2], 3f32.to_radians());
+        assert!(config.prior(0.6).sigma0().is_ok());
+        let tactical = Config {
+            sensor: Sensor::of(Grade::Tactical),
+            ..config.clone()
+        };
+        // 1 °/h over 15.04 °/h cos 60°
+        let heading = tactical.prior(60f64.to_radians()).attitude[2];
+        assert!((heading - 0.13297).abs() < 1e-4, "{heading}");
         // 0.02 °/h and 10 µg/√Hz in SI
         assert!((config.sensor.gyro_bias() - 9.696e-8).abs() < 1e-11);
         assert!((config.sensor.velocity_walk() - 9.807e-5).abs() < 1e-8);

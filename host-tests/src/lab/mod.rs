@@ -4,6 +4,7 @@
 //! and messages go to standard error; exit 0 for done, 2 for bad input, with one line that says which file, line and
 //! field.
 
+pub mod align;
 pub mod covariance;
 mod error;
 pub mod history;
@@ -27,6 +28,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Simulates one- and two-position alignment: σ, ξ, η over time, and the tables of Lu 2009
+    Align(Box<align::Args>),
     /// Covariance analysis of one configuration: P, ξ1, ξ2 and η at chosen times
     Covariance(covariance::Args),
     /// The filter on recorded data: attitude, biases and what was observable
@@ -37,6 +40,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let done = match Cli::try_parse() {
         Ok(cli) => match cli.command {
+            Command::Align(args) => align::run(&args),
             Command::Covariance(args) => covariance::run(&args),
             Command::Replay(args) => replay::run(&args),
         },

@@ -242,7 +242,8 @@ impl<'a> Replay<'a> {
         let plan = config.plan().map_err(impossible)?;
         let settings = config.settings().map_err(impossible)?;
         let alignment =
-            StandingAlignment::new(position, plan, config.prior(), settings).map_err(impossible)?;
+            StandingAlignment::new(position, plan, config.prior(position.lat), settings)
+                .map_err(impossible)?;
         let fix_interval = match (aids.fixes.first(), aids.fixes.last()) {
             (Some(first), Some(last)) if last.t > first.t => {
                 ((last.t - first.t) / (aids.fixes.len() - 1) as f64) as f32
@@ -681,6 +682,7 @@ impl Outcome {
         let line = |value: &dyn Fn(&Snapshot) -> f64| Series {
             label: String::new(),
             color: blue,
+            width: 2,
             points: self.history.line(|s| (s.t, value(s))),
         };
         page.section("Attitude and its standard deviation");

@@ -25,7 +25,9 @@ pub struct Series {
     pub label: String,
     /// Colour as `#rrggbb`.
     pub color: &'static str,
-    /// Points; a point that is not finite, or not positive on a logarithmic scale, leaves a gap.
+    /// Shown width.
+    pub width: u32,
+    /// Points; one that is not finite, not positive on a logarithmic scale, or off the chart leaves a gap.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -87,6 +89,8 @@ pub struct Chart {
     pub scale: Scale,
     /// Ends of the vertical axis, where they should not follow the data.
     pub y_range: Option<Range<f64>>,
+    /// Values that the vertical axis reaches at least.
+    pub y_includes: Option<Range<f64>>,
     /// Interval to tint.
     pub band: Option<Range<f64>>,
     /// Level to mark.
@@ -105,6 +109,7 @@ impl Chart {
             x_label: String::new(),
             scale,
             y_range: None,
+            y_includes: None,
             band: None,
             level: None,
             series,
@@ -134,23 +139,31 @@ impl Chart {
     }
 
     fn draw(&self, root: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>) -> Result<(), ()> {
+        let on_axis = |y: f64| match self.scale {
+            Scale::Linear => y,
+            Scale::Logarithmic => y.log10(),
+        };
+        let chosen = self
+            .y_range
+            .as_ref()
+            .map(|r| on_axis(r.start)..on_axis(r.end));
+        let seen = chosen.clone().unwrap_or(f64::NEG_INFINITY..f64::INFINITY);
         let lines: Vec<Vec<Vec<(f64, f64)>>> = self
             .series
             .iter()
-            .map(|s| pieces(&s.points, self.scale))
+            .map(|s| pieces(s.points.iter().map(|p| (p.0, on_axis(p.1))), &seen))
             .collect();
         let all = || lines.iter().flatten().flatten();
         let x = span(all().map(|p| p.0), 0.0).unwrap_or(0.0..1.0);
-        let chosen = self.y_range.clone().map(|r| match self.scale {
-            Scale::Linear => r,
-            Scale::Logarithmic => r.start.log10()..r.end.log10(),
-        });
-        let level = self.level.map(|l| match self.scale {
-            Scale::Linear => l,
-            Scale::Logarithmic => l.log10(),
-        });
+        let level = self.level.map(on_axis);
+        let included = self.y_includes.iter().flat_map(|r| [r.start, r.end]);
         let y = chosen
-            .or_else(|| span(all().map(|p| p.1).chain(level), 0.06))
+            .or_else(|| {
+                span(
+                    all().map(|p| p.1).chain(level).chain(included.map(on_axis)),
+                    0.06,
+                )
+            })
             .unwrap_or(0.0..1.0);
         let px = |n: u32| n * FINE;
         let font = |n: u32, color: &RGBColor| ("sans-serif", px(n)).into_font().color(color);
@@ -213,7 +226,7 @@ impl Chart {
                 .map_err(drop)?;
         }
         for (series, parts) in self.series.iter().zip(&lines) {
-            let style = ShapeStyle::from(color(series.color)).stroke_width(FINE * 2);
+            let style = ShapeStyle::from(color(series.color)).stroke_width(FINE * series.width);
             for part in parts {
                 chart
                     .draw_series(LineSeries::new(thin(part), style))
@@ -253,16 +266,13 @@ impl Chart {
     }
 }
 
-/// Cuts a line where a point cannot be drawn, and takes logarithms.
-fn pieces(points: &[(f64, f64)], scale: Scale) -> Vec<Vec<(f64, f64)>> {
+/// Cuts a line where a point cannot be drawn.
+fn pieces(points: impl Iterator<Item = (f64, f64)>, seen: &Range<f64>) -> Vec<Vec<(f64, f64)>> {
     let mut parts = vec![Vec::new()];
-    for &(x, y) in points {
-        let y = match scale {
-            Scale::Linear => y,
-            Scale::Logarithmic => y.log10(),
-        };
+    for (x, y) in points {
+        let drawable = x.is_finite() && y.is_finite() && seen.contains(&y);
         match parts.last_mut() {
-            Some(part) if x.is_finite() && y.is_finite() => part.push((x, y)),
+            Some(part) if drawable => part.push((x, y)),
             Some(part) if part.is_empty() => {}
             _ => parts.push(Vec::new()),
         }
@@ -411,6 +421,7 @@ mod tests {
         Series {
             label: "a".into(),
             color: "#2563eb",
+            width: 2,
             points,
         }
     }
