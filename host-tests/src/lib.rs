@@ -16,5 +16,3 @@ pub mod reference;
 pub mod report;
 #[cfg(not(target_os = "none"))]
 pub mod sim;
-#[cfg(not(target_os = "none"))]
-pub mod simulator;

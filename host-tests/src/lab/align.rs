@@ -1,6 +1,6 @@
 //! `lab align`: a simulated alignment in one position beside one with a half turn, through the library itself.
 //!
-//! The samples of [`crate::simulator`] go through [`StandingAlignment`], in f32, as firmware would feed it: coarse
+//! The samples of [`crate::sim`] go through [`StandingAlignment`], in f32, as firmware would feed it: coarse
 //! window, then zero-velocity updates. Beside it stands the covariance analysis of Lu 2009 with the printed tables.
 
 use std::path::PathBuf;
@@ -11,10 +11,10 @@ use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::{block_rates, N};
 use navsight::filter::Filter;
-use navsight::imu::ImuIncrement;
+use navsight::measurement::Linearized;
 use navsight::observability::diagonal::xi1_riccati_blocks;
 use navsight::observability::riccati::{DecreaseRate, Information};
-use navsight::observability::spectrum::{Directions, Prior, Spectrum};
+use navsight::observability::spectrum::{Directions, Prior, Spectrum, ValuesOnly};
 use serde::Deserialize;
 use serde_json::{json, Value};
 
@@ -23,7 +23,7 @@ use super::solution::Solution;
 use super::states::{xi, STATES};
 use super::LabError;
 use crate::config::{self, Config};
-use crate::simulator::{ImuErrors, Stand, Turn};
+use crate::sim::{Pose, Sensor, SensorErrors, Simulator, Static, Trajectory, Truth};
 
 mod pages;
 
@@ -195,19 +195,40 @@ impl Scenario {
         self.turn_rate_deg_s * self.turn_time_s
     }
 
-    fn stand(&self, turn: bool) -> Stand {
-        let turn = turn.then(|| Turn {
-            start: self.turn_at_s,
-            duration: self.turn_time_s,
+    /// The motion of one case. The turn begins and ends with a sample.
+    fn motion(&self, turn: bool) -> Turned {
+        let at = Geodetic::from_degrees(self.lat_deg, 0.0, self.height_m);
+        let whole = |t: f64| (t * self.rate_hz).round() / self.rate_hz;
+        Turned {
+            still: Static::degrees(at, self.heading_deg, self.pitch_deg, self.roll_deg),
+            start: whole(self.turn_at_s),
+            duration: if turn { whole(self.turn_time_s) } else { 0.0 },
             rate: self.turn_rate_deg_s.to_radians(),
-        });
-        Stand {
-            position: Geodetic::from_degrees(self.lat_deg, 0.0, self.height_m),
-            heading: self.heading_deg.to_radians(),
-            pitch: self.pitch_deg.to_radians(),
-            roll: self.roll_deg.to_radians(),
-            turns: turn.into_iter().collect(),
         }
+    }
+}
+
+/// Standing still, turned about the vertical once.
+#[derive(Clone, Copy, Debug)]
+struct Turned {
+    still: Static,
+    start: f64,
+    duration: f64,
+    rate: f64,
+}
+
+impl Trajectory for Turned {
+    fn start(&self) -> Geodetic {
+        self.still.at
+    }
+    fn pose(&self, t: f64) -> Pose {
+        let mut pose = self.still.pose(t);
+        let since = t - self.start;
+        pose.euler.x += self.rate * since.clamp(0.0, self.duration);
+        if (0.0..self.duration).contains(&since) {
+            pose.euler_rate.x = self.rate;
+        }
+        pose
     }
 }
 
@@ -278,36 +299,24 @@ pub fn run(args: &Args) -> Result<(), LabError> {
 /// Runs one case through the library.
 fn simulate(scenario: &Scenario, turn: bool, bar: &indicatif::ProgressBar) -> Result<Case, Error> {
     let a = &scenario.alignment;
-    let stand = scenario.stand(turn);
-    let mut sensor = ImuErrors::drawn(
-        scenario.seed,
-        a.sensor.gyro_bias(),
-        a.sensor.accel_bias(),
-        a.sensor.angle_walk(),
-        a.sensor.velocity_walk(),
-    );
+    let noise = SensorErrors {
+        arw: a.sensor.angle_walk(),
+        vrw: a.sensor.velocity_walk(),
+        ..SensorErrors::NONE
+    };
+    let mut sensor = Sensor::new(noise, scenario.seed);
+    sensor.errors.gyro_bias = sensor.normal() * a.sensor.gyro_bias();
+    sensor.errors.accel_bias = sensor.normal() * a.sensor.accel_bias();
+    let motion = scenario.motion(turn);
+    let position = motion.start();
     let plan = a.plan()?;
-    let mut alignment = StandingAlignment::new(
-        stand.position,
-        plan,
-        a.prior(stand.position.lat),
-        a.settings()?,
-    )?;
-    let dt = 1.0 / scenario.rate_hz;
+    let mut alignment =
+        StandingAlignment::new(position, plan, a.prior(position.lat), a.settings()?)?;
     let (mut coarse, mut history, mut last) = (None, History::default(), None);
-    for k in 0..(scenario.duration_s * scenario.rate_hz).round() as u64 {
-        let (t0, t) = (k as f64 * dt, (k + 1) as f64 * dt);
-        let (delta_theta, delta_v) = sensor.measure(stand.increments(t0, t), dt);
-        let narrow = |v: Vector3<f64>| v.map(|x| x as f32);
-        let imu = ImuIncrement {
-            delta_theta_b: narrow(delta_theta),
-            delta_v_b: narrow(delta_v),
-            dt: dt as f32,
-        };
-        let progress = alignment.take(&imu)?;
-        if k % 1024 == 0 {
-            bar.inc(1024);
-        }
+    let samples = (scenario.duration_s * scenario.rate_hz).round() as usize;
+    for (truth, ideal) in Simulator::new(motion, 1.0 / scenario.rate_hz).take(samples) {
+        let progress = alignment.take(&sensor.sample(&ideal))?;
+        bar.inc(1);
         let Some(filter) = alignment.filter() else {
             continue;
         };
@@ -315,22 +324,13 @@ fn simulate(scenario: &Scenario, turn: bool, bar: &indicatif::ProgressBar) -> Re
             Progress::Started(_) => coarse = Some(Solution::of(filter)),
             Progress::Updated(report) => {
                 let (xi1, xi2) = xi(&[report])?;
-                let truth = Truth {
-                    stand: &stand,
-                    sensor: &sensor,
-                    t,
-                };
-                let (xi1_riccati, eta1) = speed(
-                    filter,
-                    &stand,
-                    &plan.zero_velocity.linearize(filter.nav()),
-                    report.normalised,
-                    t,
-                )?;
+                let measurement = plan.zero_velocity.linearize(filter.nav());
+                let f_n = filter.nav().c_b_n() * ideal.delta_v_b.map(|x| (x / ideal.dt) as f32);
+                let (xi1_riccati, eta1) = speed(filter, &f_n, &measurement, report.normalised)?;
                 let moment = Moment {
-                    t,
+                    t: truth.time,
                     sigma: std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from)),
-                    error: truth.error(filter),
+                    error: error(filter, &position, &truth, &sensor.errors),
                     xi1,
                     xi1_riccati,
                     xi2,
@@ -382,30 +382,21 @@ fn accuracy(filter: &Filter, normalised: u16) -> Result<[Along; N], Error> {
 /// ξ1 by the Riccati equation and the eigenvalues of M = −P0⁻¹Ṗ, fastest first, just after an update.
 fn speed(
     filter: &Filter,
-    stand: &Stand,
-    measurement: &navsight::measurement::Linearized<3>,
+    f_n: &Vector3<f32>,
+    measurement: &Linearized<3>,
     normalised: u16,
-    t: f64,
 ) -> Result<([f64; N], [f64; N]), Error> {
     let (mut xi1, mut eta1) = ([f64::NAN; N], [f64::NAN; N]);
     let Some(information) = Information::of(measurement, filter.sigma0()) else {
         return Ok((xi1, eta1));
     };
     let nav = filter.nav();
-    let f_n = nav.c_b_n()
-        * (stand.c_b_n(t).transpose() * Vector3::z() * f64::from(nav.local().gravity))
-            .map(|x| x as f32);
-    let rates = block_rates(&filter.environment(), &nav.c_b_n(), &f_n, filter.scaling());
+    let rates = block_rates(&filter.environment(), &nav.c_b_n(), f_n, filter.scaling());
     let mask = u32::from(normalised);
     let index = xi1_riccati_blocks(filter.covariance(), &rates, Some(&information), mask);
     xi1 = index.all().map(|x| x.map_or(f64::NAN, f64::from));
     let rate = DecreaseRate::blocks(filter.covariance(), &rates, &information);
-    let mut spectrum = Box::new(Spectrum::<
-        f32,
-        N,
-        120,
-        navsight::observability::spectrum::ValuesOnly,
-    >::new());
+    let mut spectrum = Box::new(Spectrum::<f32, N, 120, ValuesOnly>::new());
     spectrum.start_speed(&rate, Prior::Independent, mask)?;
     spectrum.step(u32::MAX)?;
     for (k, to) in eta1.iter_mut().rev().enumerate() {
@@ -414,44 +405,35 @@ fn speed(
     Ok((xi1, eta1))
 }
 
-/// What the simulation knows and the filter does not.
-struct Truth<'a> {
-    stand: &'a Stand,
-    sensor: &'a ImuErrors,
-    t: f64,
-}
-
-impl Truth<'_> {
-    /// Estimate minus truth in the filter's error states (biases: truth minus estimate), SI.
-    fn error(&self, filter: &Filter) -> [f64; N] {
-        let nav = filter.nav();
-        let local = nav.local();
-        let r = nav
-            .displacement_to(&self.stand.position)
-            .map_or(Vector3::repeat(f64::NAN), |d| -d.map(f64::from));
-        let v = nav.v_n().map(f64::from);
-        // Ĉ = (I − [φ×]) C and ψ = φ − δθ
-        let estimate: Matrix3<f64> = navsight::attitude::c_b_n(nav.quaternion().map(f64::from));
-        let turn = self.stand.c_b_n(self.t) * estimate.transpose();
-        let phi = Vector3::new(
-            turn.m32 - turn.m23,
-            turn.m13 - turn.m31,
-            turn.m21 - turn.m12,
-        ) * 0.5;
-        let theta = Vector3::new(
-            -r.y * f64::from(local.inv_r_m),
-            r.x * f64::from(local.inv_r_n),
-            r.x * f64::from(local.inv_r_n * local.tan_lat),
-        );
-        let psi = phi - theta;
-        let g = self.sensor.gyro_bias - nav.b_g().map(f64::from);
-        let b = self.sensor.accel_bias - nav.b_a().map(f64::from);
-        let mut error = [0.0; N];
-        for (to, x) in error.iter_mut().zip([r, v, psi, g, b].iter().flatten()) {
-            *to = *x;
-        }
-        error
+/// Estimate minus truth in the filter's error states (biases: truth minus estimate), SI.
+fn error(filter: &Filter, position: &Geodetic, truth: &Truth, sensor: &SensorErrors) -> [f64; N] {
+    let nav = filter.nav();
+    let local = nav.local();
+    let r = nav
+        .displacement_to(position)
+        .map_or(Vector3::repeat(f64::NAN), |d| -d.map(f64::from));
+    let v = nav.v_n().map(f64::from) - truth.v_n;
+    // Ĉ = (I − [φ×]) C and ψ = φ − δθ
+    let estimate: Matrix3<f64> = navsight::attitude::c_b_n(nav.quaternion().map(f64::from));
+    let turn = truth.q.to_rotation_matrix().matrix() * estimate.transpose();
+    let phi = Vector3::new(
+        turn.m32 - turn.m23,
+        turn.m13 - turn.m31,
+        turn.m21 - turn.m12,
+    ) * 0.5;
+    let theta = Vector3::new(
+        -r.y * f64::from(local.inv_r_m),
+        r.x * f64::from(local.inv_r_n),
+        r.x * f64::from(local.inv_r_n * local.tan_lat),
+    );
+    let psi = phi - theta;
+    let g = sensor.gyro_bias - nav.b_g().map(f64::from);
+    let b = sensor.accel_bias - nav.b_a().map(f64::from);
+    let mut error = [0.0; N];
+    for (to, x) in error.iter_mut().zip([r, v, psi, g, b].iter().flatten()) {
+        *to = *x;
     }
+    error
 }
 
 impl Case {
