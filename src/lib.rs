@@ -44,3 +44,8 @@ pub mod mechanization;
 pub mod nav;
 pub mod observability;
 pub mod sensor;
+
+/// The code of the README is compiled with the tests of the library.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
