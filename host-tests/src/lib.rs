@@ -11,6 +11,8 @@ pub mod input;
 #[cfg(not(target_os = "none"))]
 pub mod lab;
 #[cfg(not(target_os = "none"))]
+pub mod paper;
+#[cfg(not(target_os = "none"))]
 pub mod reference;
 #[cfg(not(target_os = "none"))]
 pub mod report;

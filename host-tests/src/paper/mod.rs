@@ -1,0 +1,3 @@
+//! What papers print, as numbers to stand beside ours.
+
+pub mod lu2009;
