@@ -9,9 +9,10 @@ use navsight::attitude::Euler;
 use navsight::earth::{Geodetic, Local};
 use navsight::error::Error;
 use navsight::error_model::{
-    block_rates, block_transition, discrete, phi, psi, BiasModel, Environment, Interval,
-    NoiseDensity, Scaling, ATT, BA, BG, POS, VEL,
+    block_rates, block_transition, block_transition_into, discrete, phi, psi, BiasModel,
+    Environment, Interval, NoiseDensity, Scaling, ATT, BA, BG, POS, VEL,
 };
+use navsight::linalg::BlockTransition;
 use navsight::nav::NavState;
 
 type M15 = SMatrix<f64, 15, 15>;
@@ -349,6 +350,9 @@ fn blocks_are_f_in_units_of_sigma0() {
         }
         let t = block_transition(&env, &interval, &scaling);
         assert_eq!(t.noise() * 8.0, rates.noise());
+        let mut into = BlockTransition::identity();
+        block_transition_into(&env, &interval, &scaling, &mut into);
+        assert_eq!(into, t);
         let error = (t.dense() * 8.0 - rates.dense())
             .zip_map(&rates.dense(), |e, x| e.abs() / x.abs().max(1e-300));
         assert!(error.max() < 1e-15, "{error}");

@@ -28,7 +28,7 @@ pub mod phi;
 pub mod psi;
 
 pub use environment::Environment;
-pub use interval::{block_rates, block_transition, Interval, Scaling};
+pub use interval::{block_rates, block_transition, block_transition_into, Interval, Scaling};
 pub use noise::{g_matrix, BiasModel, NoiseDensity};
 
 /// Number of error states.
