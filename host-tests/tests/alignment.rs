@@ -4,12 +4,17 @@
 use std::path::Path;
 
 use host_tests::input::imu::{ImuReader, ImuSample};
+use host_tests::sim::{self, Sensor, SensorErrors, Simulator, Static, Turn};
 use nalgebra::Vector3;
 use navsight::alignment::coarse::{CoarseAlignment, UNKNOWN_HEADING};
+use navsight::alignment::standing::{Plan, Progress, StandingAlignment};
 use navsight::attitude::Euler;
 use navsight::earth::{normal_gravity, omega_ie_n, Geodetic};
 use navsight::error::Error;
+use navsight::error_model::{BiasModel, NoiseDensity, ATT};
+use navsight::filter::{Prior, Settings};
 use navsight::imu::{ImuIncrement, ImuLimits};
+use navsight::measurement::ZeroVelocity;
 
 const DEG: f32 = core::f32::consts::PI / 180.0;
 const LASER: &str = "../../shared/data/laser_static/imu.csv";
@@ -177,4 +182,132 @@ fn a_sensor_that_cannot_feel_the_earth_turn_says_so() {
     let found = coarse.solve().unwrap();
     assert!(found.sigma_heading > 5.0 * DEG && found.sigma_heading <= UNKNOWN_HEADING);
     assert!(found.earth_rate_ratio > 1.5);
+}
+
+/// Plan, prior and settings of a navigation-grade sensor.
+fn navigation_grade() -> (Plan, Prior, Settings) {
+    let errors = SensorErrors::NAVIGATION;
+    let plan = Plan {
+        coarse_duration: 30.0,
+        zero_velocity: ZeroVelocity::new(0.002, 1.0).unwrap(),
+        turning: DEG,
+    };
+    let prior = Prior {
+        position: [1.0; 3],
+        velocity: [0.1; 3],
+        attitude: [0.5 * DEG, 0.5 * DEG, 2.0 * DEG],
+        gyro_bias: [0.02 * DEG / 3600.0; 3],
+        accel_bias: [9.8e-4; 3],
+    };
+    let settings = Settings {
+        limits: ImuLimits::DEFAULT,
+        noise: NoiseDensity::from_random_walks(errors.vrw as f32, errors.arw as f32),
+        bias: BiasModel::constant(),
+        propagation_interval: 0.1,
+        gate: None,
+    };
+    (plan, prior, settings)
+}
+
+#[test]
+fn two_positions_from_nothing() {
+    let at = Geodetic::from_degrees(40.0, 116.0, 50.0);
+    let before = Static::degrees(at, 30.0, 2.0, -1.0);
+    let motion = Turn {
+        before,
+        begin: 180.0,
+        duration: 2.0,
+        rate: 90.0 * sim::DEG,
+    };
+    let errors = SensorErrors::NAVIGATION.with_biases([0.02, -0.02, 0.02], [100.0, -100.0, 100.0]);
+    let (plan, prior, settings) = navigation_grade();
+    let mut alignment = StandingAlignment::new(at, plan, prior, settings).unwrap();
+    let mut sensor = Sensor::new(errors, 7);
+    let (mut coarse, mut started, mut turning, mut updates) = (0, 0, Vec::new(), 0);
+    for (truth, ideal) in Simulator::new(motion, 0.01).take(36_000) {
+        match alignment.take(&sensor.sample(&ideal)).unwrap() {
+            Progress::Coarse => coarse += 1,
+            Progress::Started(solution) => {
+                started += 1;
+                // an east gyro bias of 0.03 °/h against 15 °/h cos L is 0.15°; the scatter of 30 s as much again
+                assert!(heading_error(solution.euler().heading, 30.0).abs() < 0.6);
+            }
+            Progress::Turning => turning.push(truth.time),
+            Progress::Updated(_) => updates += 1,
+            Progress::Between => {}
+        }
+    }
+    // 3000 samples of window, the last of which starts the filter; 330 updates due, those of the turn left out
+    assert_eq!((coarse, started), (2999, 1));
+    assert_eq!(
+        turning.iter().map(|t| t.round()).collect::<Vec<_>>(),
+        [181.0, 182.0]
+    );
+    assert_eq!(updates, 328);
+    let filter = alignment.filter().unwrap();
+    let sigma = filter.sigma(ATT + 2).unwrap() / DEG;
+    let error = heading_error(filter.nav().euler().heading, 210.0);
+    println!("heading {error:+.4}° ± {sigma:.4}°");
+    assert!(error.abs() < 3.0 * sigma);
+    // One position cannot do better than the gyro: 0.02/(15.04 cos 40°) = 0.1°; two positions must.
+    assert!(sigma < 0.06);
+}
+
+#[test]
+fn a_window_on_a_moving_vehicle_is_begun_anew() {
+    let at = Geodetic::from_degrees(40.0, 116.0, 50.0);
+    let (plan, prior, settings) = navigation_grade();
+    let mut alignment = StandingAlignment::new(at, plan, prior, settings).unwrap();
+    let standing = rest(&at, &Euler::from_degrees(10.0, 0.0, 0.0), 0.01);
+    let falling = ImuIncrement {
+        delta_v_b: standing.delta_v_b * 0.8,
+        ..standing
+    };
+    let outcome: Vec<_> = (0..3000).map(|_| alignment.take(&falling)).collect();
+    assert!(outcome
+        .iter()
+        .take(2999)
+        .all(|o| *o == Ok(Progress::Coarse)));
+    assert_eq!(outcome.last(), Some(&Err(Error::OutOfRange)));
+    assert!(alignment.filter().is_none());
+    let outcome: Vec<_> = (0..3000).map(|_| alignment.take(&standing)).collect();
+    assert!(matches!(outcome.last(), Some(Ok(Progress::Started(_)))));
+    assert!(alignment.filter().is_some());
+}
+
+#[test]
+fn impossible_plans_are_refused() {
+    let at = Geodetic::from_degrees(40.0, 116.0, 50.0);
+    let (plan, prior, settings) = navigation_grade();
+    let start = |plan| StandingAlignment::new(at, plan, prior, settings).err();
+    assert_eq!(start(plan), None);
+    assert_eq!(
+        start(Plan {
+            coarse_duration: f32::NAN,
+            ..plan
+        }),
+        Some(Error::NonFinite)
+    );
+    assert_eq!(
+        start(Plan {
+            coarse_duration: 5.0,
+            ..plan
+        }),
+        Some(Error::OutOfRange)
+    );
+    assert_eq!(
+        start(Plan {
+            turning: 0.0,
+            ..plan
+        }),
+        Some(Error::OutOfRange)
+    );
+    let never = ZeroVelocity::new(0.002, 0.0).unwrap();
+    assert_eq!(
+        start(Plan {
+            zero_velocity: never,
+            ..plan
+        }),
+        Some(Error::OutOfRange)
+    );
 }
