@@ -87,10 +87,11 @@ impl Xi<f32, 15> {
 /// state without prior 0 is legal.)
 pub fn xi2<T: Real, const N: usize>(p: &[T; N], normalised: u32) -> Result<Index<T, N>, Error> {
     check_variances(p, normalised)?;
-    let one = T::one();
-    // a state that started at 0 may still be there
-    let ratio = p.map(|p| if p > T::zero() { one / p } else { one });
-    Ok(Index::new(ratio, normalised & mask::<N>()))
+    // infinite for a state that started at 0 and is still there: it has no ξ
+    Ok(Index::new(
+        p.map(|p| T::one() / p),
+        normalised & mask::<N>(),
+    ))
 }
 
 /// ξ1 = (p⁻ − p⁺)/(T p(0)) [1/s]: what the update took from the variance of a state, per second of its interval.
@@ -112,10 +113,14 @@ pub fn xi1<T: Real, const N: usize>(
     interval: T,
     normalised: u32,
 ) -> Result<Index<T, N>, Error> {
-    if let Some(state) = decrease
-        .iter()
-        .position(|d| !(*d >= T::zero() && d.finite()))
-    {
+    let (mut sum, mut fine) = (T::zero(), true);
+    for d in decrease {
+        fine &= *d >= T::zero();
+        sum += *d;
+    }
+    if !(fine && sum.finite()) {
+        let broken = |d: &T| !(*d >= T::zero() && d.finite());
+        let state = decrease.iter().position(broken).unwrap_or(0);
         return Err(Error::Variance { state: state as u8 });
     }
     let known = interval > T::zero() && interval.finite();
@@ -182,6 +187,15 @@ pub(super) fn check_variances<T: Real, const N: usize>(
     p: &[T; N],
     normalised: u32,
 ) -> Result<(), Error> {
+    let (mut sum, mut positive) = (T::zero(), true);
+    for p in p {
+        positive &= *p > T::zero();
+        sum += *p;
+    }
+    if positive && sum.finite() {
+        return Ok(());
+    }
+    // rare: a state without prior, or a fault
     for (i, p) in p.iter().enumerate() {
         let zero_is_legal = i < 32 && normalised & (1 << i) == 0;
         let fine = *p > T::zero() || (zero_is_legal && *p == T::zero());

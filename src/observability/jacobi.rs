@@ -1,7 +1,10 @@
 //! Jacobi rotations of a packed symmetric matrix whose diagonal is kept apart.
 
-use super::triangle::start;
+use super::triangle::{for_pairs, set};
 use crate::linalg::Real;
+
+/// Relative gap below which two eigenvalues are told apart, but not their directions.
+pub(super) const GAP: f64 = 1e-3;
 
 /// When an off-diagonal element is small enough to be left alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,26 +20,25 @@ impl<T: Real> Threshold<T> {
     ///
     /// The rotation would move the values by about a²/|x − y|. It is skipped when that is below 100 ε of the smaller
     /// one, or when a is rounding by itself (4 ε of the geometric mean). For axes the angle a/|x − y| and the scaled
-    /// cosine a/√(xy) must be below 2500 ε as well.
+    /// cosine a/√(xy) must be below 8192 ε (1e-3 in f32) as well, unless the two values are so close that only their
+    /// plane is told.
     #[inline(always)]
     pub fn negligible(&self, x: T, y: T, a: T) -> bool {
         let square = a * a;
         let (x_size, y_size) = (x.abs() + self.floor, y.abs() + self.floor);
-        let (small, big) = if x_size < y_size {
-            (x_size, y_size)
-        } else {
-            (y_size, x_size)
-        };
+        let small = if x_size < y_size { x_size } else { y_size };
         let gap = (x - y).abs();
+        if square <= T::of(100.0) * T::EPSILON * small * gap {
+            if !self.axes || gap <= T::of(GAP) * small {
+                return true;
+            }
+            let angle = T::of(8192.0) * T::EPSILON;
+            if square <= angle * angle * small * gap && a.abs() <= angle * gap {
+                return true;
+            }
+        }
         let rounding = T::of(4.0) * T::EPSILON;
-        if square <= rounding * rounding * small * big {
-            return true;
-        }
-        if square > T::of(100.0) * T::EPSILON * small * gap {
-            return false;
-        }
-        let angle = T::of(2500.0) * T::EPSILON;
-        !self.axes || (square <= angle * angle * small * gap && a.abs() <= angle * gap)
+        square <= rounding * rounding * (x_size * y_size)
     }
 }
 
@@ -85,40 +87,8 @@ impl<T: Real> Rotation<T> {
 /// Applies a rotation of axes p < q to the off-diagonal elements of a packed symmetric matrix of n rows and annuls
 /// element (q, p). The diagonal is the caller's.
 pub(super) fn rotate<T: Real>(a: &mut [T], n: usize, p: usize, q: usize, rotation: &Rotation<T>) {
-    let Some((above, below)) = a.split_at_mut_checked(start(q)) else {
-        return;
-    };
-    let Some((row_q, mut below)) = below.split_at_mut_checked(q + 1) else {
-        return;
-    };
-    // columns left of p: row p against row q
-    let row_p = above.get_mut(start(p)..start(p) + p).unwrap_or_default();
-    for (x_p, x_q) in row_p.iter_mut().zip(row_q.iter_mut()) {
-        rotation.turn(x_p, x_q);
-    }
-    if let Some(x) = row_q.get_mut(p) {
-        *x = T::zero();
-    }
-    // between p and q: column p against row q
-    let mut at = start(p + 1) + p;
-    for (k, x_q) in row_q.iter_mut().enumerate().take(q).skip(p + 1) {
-        if let Some(x_p) = above.get_mut(at) {
-            rotation.turn(x_p, x_q);
-        }
-        at += k + 1;
-    }
-    // below q: columns p and q of one row
-    for k in q + 1..n {
-        let Some((row, rest)) = below.split_at_mut_checked(k + 1) else {
-            return;
-        };
-        if let Some((left, right)) = row.split_at_mut_checked(q) {
-            if let (Some(x_p), Some(x_q)) = (left.get_mut(p), right.first_mut()) {
-                rotation.turn(x_p, x_q);
-            }
-        }
-        below = rest;
-    }
+    for_pairs(a, n, p, q, |x_p, x_q| rotation.turn(x_p, x_q));
+    set(a, q, p, T::zero());
 }
 
 /// The eigenvectors of a Jacobi iteration: kept, or not.

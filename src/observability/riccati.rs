@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::triangle::{row_mut, start};
+use super::triangle::{row, start};
 use crate::covariance::{Covariance, Covariance15, Observation};
 use crate::linalg::{BlockTransition, Real};
 use crate::measurement::{Jacobian, Linearized};
@@ -121,12 +121,17 @@ impl<T: Real, const N: usize, const L: usize> DecreaseRate<T, N, L> {
         p: &Covariance<T, N, L>,
         information: &Information<T, M, N>,
     ) {
-        for_each_row(p, information, |x, r_t| {
-            for (i, x_i) in x.iter().enumerate() {
-                let scaled = *x_i / r_t;
-                for (to, x_j) in row_mut(&mut self.packed, i).iter_mut().zip(x) {
+        for_each_row(p, information, |x, weight| {
+            let mut rest = self.packed.as_mut_slice();
+            for (length, x_i) in (1..).zip(x) {
+                let Some((row, below)) = rest.split_at_mut_checked(length) else {
+                    return;
+                };
+                let scaled = *x_i * weight;
+                for (to, x_j) in row.iter_mut().zip(x) {
                     *to += scaled * *x_j;
                 }
+                rest = below;
             }
         });
     }
@@ -198,44 +203,34 @@ pub(super) fn diagonal_blocks<T: Real, const M: usize>(
     rates: &BlockTransition<T>,
     information: &Information<T, M, 15>,
 ) -> [T; 15] {
-    let words = p.words().0;
-    let get = |i: usize, j: usize| {
-        let (i, j) = (i.max(j), i.min(j));
-        words.get(start(i) + j).copied().unwrap_or_else(T::zero)
-    };
+    let x = p.words().0;
     let t = rates;
-    // (F P)_ii row by row of the pattern
-    let full = |m: &nalgebra::Matrix3<T>, i: usize, row: usize, column: usize| {
-        m.row(i)
-            .iter()
-            .enumerate()
-            .fold(T::zero(), |sum, (j, f)| sum + *f * get(row, column + j))
-    };
-    let hollow = |m: &nalgebra::Matrix3<T>, i: usize, row: usize, column: usize| {
-        m.row(i)
-            .iter()
-            .enumerate()
-            .filter(|(j, _)| *j != i)
-            .fold(T::zero(), |sum, (j, f)| sum + *f * get(row, column + j))
-    };
-    let mut rate = [T::zero(); 15];
-    let noise = [T::zero(); 3];
-    for (k, (rate, q)) in rate.iter_mut().zip(noise.iter().chain(&t.q)).enumerate() {
-        let i = k % 3;
-        let of = |v: &nalgebra::Vector3<T>| v.iter().nth(i).copied().unwrap_or_else(T::zero);
-        let sum = match k / 3 {
-            0 => hollow(&t.a00, i, k, 0) + of(&t.a01) * get(k, 3 + i),
-            1 => {
-                of(&t.a10) * get(k, i)
-                    + hollow(&t.a11, i, k, 3)
-                    + hollow(&t.a12, i, k, 6)
-                    + full(&t.a14, i, k, 12)
-            }
-            2 => hollow(&t.a22, i, k, 6) + full(&t.a23, i, k, 9),
-            3 => t.a33 * get(k, k),
-            _ => t.a44 * get(k, k),
+    // (F P)_ii, row by row of the pattern; a macro because constant indices need no check
+    macro_rules! row {
+        ($i:literal: $($f:expr, $j:literal);+) => {
+            T::zero() $(+ $f * x[const { upper($j, $i) }])+
         };
-        *rate = -(sum + sum + *q);
+    }
+    let fp = [
+        row!(0: t.a00.m12, 1; t.a00.m13, 2; t.a01.x, 3),
+        row!(1: t.a00.m21, 0; t.a00.m23, 2; t.a01.y, 4),
+        row!(2: t.a00.m31, 0; t.a00.m32, 1; t.a01.z, 5),
+        row!(3: t.a10.x, 0; t.a11.m12, 4; t.a11.m13, 5; t.a12.m12, 7; t.a12.m13, 8; t.a14.m11, 12; t.a14.m12, 13; t.a14.m13, 14),
+        row!(4: t.a10.y, 1; t.a11.m21, 3; t.a11.m23, 5; t.a12.m21, 6; t.a12.m23, 8; t.a14.m21, 12; t.a14.m22, 13; t.a14.m23, 14),
+        row!(5: t.a10.z, 2; t.a11.m31, 3; t.a11.m32, 4; t.a12.m31, 6; t.a12.m32, 7; t.a14.m31, 12; t.a14.m32, 13; t.a14.m33, 14),
+        row!(6: t.a22.m12, 7; t.a22.m13, 8; t.a23.m11, 9; t.a23.m12, 10; t.a23.m13, 11),
+        row!(7: t.a22.m21, 6; t.a22.m23, 8; t.a23.m21, 9; t.a23.m22, 10; t.a23.m23, 11),
+        row!(8: t.a22.m31, 6; t.a22.m32, 7; t.a23.m31, 9; t.a23.m32, 10; t.a23.m33, 11),
+        row!(9: t.a33, 9),
+        row!(10: t.a33, 10),
+        row!(11: t.a33, 11),
+        row!(12: t.a44, 12),
+        row!(13: t.a44, 13),
+        row!(14: t.a44, 14),
+    ];
+    let mut rate = fp.map(|x| -(x + x));
+    for (rate, q) in rate.iter_mut().skip(3).zip(&t.q) {
+        *rate -= *q;
     }
     learn_diagonal(&mut rate, p, information);
     rate
@@ -247,14 +242,42 @@ fn learn_diagonal<T: Real, const M: usize, const N: usize, const L: usize>(
     p: &Covariance<T, N, L>,
     information: &Information<T, M, N>,
 ) {
-    for_each_row(p, information, |x, r_t| {
-        for (rate, x) in rate.iter_mut().zip(x) {
-            *rate += *x * (*x / r_t);
+    let Observation::Direct { first } = &information.h else {
+        for_each_row(p, information, |x, weight| {
+            for (rate, x) in rate.iter_mut().zip(x) {
+                *rate += *x * (*x * weight);
+            }
+        });
+        return;
+    };
+    // as above, without a copy of the column
+    let words = p.words().0;
+    for (j, r_t) in (*first..).zip(&information.r_t) {
+        let weight = T::one() / *r_t;
+        let (above, below) = rate.split_at_mut_checked(j).unwrap_or_default();
+        for (rate, x) in above.iter_mut().zip(row(words, j)) {
+            *rate += *x * (*x * weight);
         }
-    });
+        let mut at = start(j) + j;
+        for (step, rate) in (j + 1..).zip(below) {
+            if let Some(x) = words.get(at) {
+                *rate += *x * (*x * weight);
+            }
+            at += step;
+        }
+    }
 }
 
-/// Hands every row's P hᵀ (sign as it comes) and R·T to `use_row`.
+/// Position of element (i, j) in a packed triangle.
+const fn upper(i: usize, j: usize) -> usize {
+    if i <= j {
+        start(j) + i
+    } else {
+        start(i) + j
+    }
+}
+
+/// Hands every row's P hᵀ (sign as it comes) and 1/(R·T) to `use_row`.
 #[inline(always)]
 fn for_each_row<T: Real, const M: usize, const N: usize, const L: usize>(
     p: &Covariance<T, N, L>,
@@ -264,7 +287,7 @@ fn for_each_row<T: Real, const M: usize, const N: usize, const L: usize>(
     match &information.h {
         Observation::Direct { first } => {
             for (m, r_t) in information.r_t.iter().enumerate() {
-                use_row(&column(p, first + m), *r_t);
+                use_row(&column(p, first + m), T::one() / *r_t);
             }
         }
         Observation::Dense(h) => {
@@ -277,7 +300,7 @@ fn for_each_row<T: Real, const M: usize, const N: usize, const L: usize>(
                         }
                     }
                 }
-                use_row(&x, *r_t);
+                use_row(&x, T::one() / *r_t);
             }
         }
     }
@@ -287,14 +310,19 @@ fn for_each_row<T: Real, const M: usize, const N: usize, const L: usize>(
 #[inline(always)]
 fn column<T: Real, const N: usize, const L: usize>(p: &Covariance<T, N, L>, j: usize) -> [T; N] {
     let words = p.words().0;
-    let mut at = start(j);
-    let mut i = 0;
-    [(); N].map(|()| {
-        let x = words.get(at).copied().unwrap_or_else(T::zero);
-        at += if i < j { 1 } else { i + 1 };
-        i += 1;
-        x
-    })
+    let mut column = [T::zero(); N];
+    let (above, below) = column.split_at_mut_checked(j).unwrap_or_default();
+    for (to, x) in above.iter_mut().zip(row(words, j)) {
+        *to = *x;
+    }
+    let mut at = start(j) + j;
+    for (step, to) in (j + 1..).zip(below) {
+        if let Some(x) = words.get(at) {
+            *to = *x;
+        }
+        at += step;
+    }
+    column
 }
 
 /// F x by the pattern of [`BlockTransition`].

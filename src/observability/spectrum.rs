@@ -20,10 +20,11 @@
 //! its budget is used up, and can be called between filter steps, since it looks at nothing but its own memory. One
 //! shot and slices give the same bits.
 
-use super::jacobi::{rotate, Rotation, Threshold};
+use super::jacobi::{rotate, Rotation, Threshold, GAP};
 use super::riccati::DecreaseRate;
 use super::triangle::{
-    at, congruence_step, divide_row, dot, exchange, gram_row, reduce, row, set, solve_transposed,
+    at, congruence_step, divide_row, dot, exchange, factor_column, gram_row, row, rows,
+    solve_transposed,
 };
 use crate::covariance::Covariance;
 use crate::error::Error;
@@ -34,11 +35,11 @@ pub use super::jacobi::{Axes, Directions, ValuesOnly};
 /// Sweeps over all pairs before the iteration gives up. Covariances need 2 to 5; random dense matrices 5 to 7.
 const MAX_SWEEPS: u8 = 16;
 
-/// Relative gap below which two eigenvalues are told apart, but not their directions.
-const GAP: f64 = 1e-3;
+/// Cost of looking at one pair.
+const PAIR: u32 = 4;
 
 /// Budget of one slice that keeps it near 3,000 instructions on a Cortex-M4F.
-pub const SLICE: u32 = 300;
+pub const SLICE: u32 = 400;
 
 /// What the initial covariance was, in σ0 units.
 #[derive(Clone, Copy, Debug)]
@@ -77,21 +78,15 @@ pub struct Direction<T, const N: usize> {
 /// What is to be done next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// Nothing was started.
+    /// Nothing was started, or a start or a step was refused.
     Idle,
-    /// Pivot of column k of the factor of P.
-    Pivot {
-        k: usize,
-    },
-    /// Element (i, k) of the factor of P.
+    /// Column k of the factor of P.
     Factor {
         k: usize,
-        i: usize,
     },
-    /// Element (i, k) of the factor of P0.
+    /// Column k of the factor of P0.
     Prior {
         k: usize,
-        i: usize,
     },
     /// Row i of L0⁻¹ L.
     Divide {
@@ -105,21 +100,19 @@ enum Stage {
     Gram {
         i: usize,
     },
-    /// Pair (q, p) is looked at.
-    Scan {
+    /// Pair (q, p) is looked at, and rotated when needed.
+    Pair {
         q: usize,
         p: usize,
     },
     /// The values are put in order.
     Sort,
-    /// Element (i, k) of the factor of P0, once more, for the directions.
+    /// Column k of the factor of P0, once more, for the directions.
     Again {
         k: usize,
-        i: usize,
     },
     Done,
     NotConverged,
-    Failed,
 }
 
 /// Eigenvalues, and with [`Directions`] all eigenvectors, of T = P0⁻¹P or M = −P0⁻¹Ṗ.
@@ -216,7 +209,7 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
         super::diagonal::check_variances(&p.diagonal(), normalised)?;
         self.take(p.words().0, prior, normalised);
         self.definite = true;
-        self.stage = Stage::Pivot { k: 0 };
+        self.stage = Stage::Factor { k: 0 };
         Ok(())
     }
 
@@ -242,7 +235,7 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
             Prior::Independent => self.first_sweep(),
             Prior::Correlated(p0) => {
                 self.load_prior(p0);
-                Stage::Prior { k: 0, i: 0 }
+                Stage::Prior { k: 0 }
             }
         };
         Ok(())
@@ -283,24 +276,24 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
         }
         let mut left = budget;
         loop {
-            match self.stage {
-                Stage::Done => return Ok(Progress::Done),
-                Stage::NotConverged => return Ok(Progress::NotConverged),
-                Stage::Idle | Stage::Failed => return Err(Error::OutOfRange),
-                _ => {}
-            }
             let cost = self.cost();
             if cost > left {
                 return Ok(Progress::Working);
             }
             left -= cost;
-            match self.piece() {
-                Ok(next) => self.stage = next,
-                Err(state) => {
-                    self.stage = Stage::Failed;
-                    return Err(Error::NotPositive { row: state });
-                }
-            }
+            self.stage = match self.stage {
+                Stage::Pair { q, p } => self.pairs(q, p, &mut left),
+                Stage::Done => return Ok(Progress::Done),
+                Stage::NotConverged => return Ok(Progress::NotConverged),
+                Stage::Idle => return Err(Error::OutOfRange),
+                stage => match self.piece(stage) {
+                    Ok(next) => next,
+                    Err(row) => {
+                        self.stage = Stage::Idle;
+                        return Err(Error::NotPositive { row });
+                    }
+                },
+            };
         }
     }
 
@@ -335,8 +328,8 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
         if self.definite {
             // u = L0⁻¹ L v to unit length
             let mut length = T::zero();
-            for (i, u) in u.iter_mut().enumerate().take(self.n) {
-                *u = dot(row(&self.b, i), axis);
+            for (u, row) in u.iter_mut().zip(rows(&self.b)).take(self.n) {
+                *u = dot(row, axis);
                 length += *u * *u;
             }
             // squares of a small eigenvalue's vector do not underflow: λ itself is their sum
@@ -398,100 +391,97 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
     }
 
     /// Multiply-adds of the next piece, with what stands around them; an upper bound.
+    #[inline(always)]
     fn cost(&self) -> u32 {
         let n = self.n;
         let units = match self.stage {
-            Stage::Pivot { .. } => 3 * n + 8,
-            Stage::Factor { k, .. } | Stage::Prior { k, .. } | Stage::Again { k, .. } => k + 6,
-            Stage::Divide { i } => i * (i + 1) / 2 + 2 * i + 8,
+            Stage::Factor { k } => (n - k.min(n)) * (k + 6) + 4 * n + 16,
+            Stage::Prior { k } | Stage::Again { k } => (n - k.min(n)) * (k + 6) + 16,
+            Stage::Divide { i } => i * (i + 1) / 2 + 4 * i + 8,
             Stage::Congruence { k } => {
-                let m = n - k;
+                let m = n - k.min(n);
                 m * m + 4 * m + 8
             }
-            Stage::Gram { i } => (n - i) * (i + 2) + 2 * i + 8,
-            Stage::Scan { .. } => 5 * n + 16,
+            Stage::Gram { i } => (n - i.min(n)) * (i + 3) + 2 * i + 8,
+            Stage::Pair { .. } => PAIR as usize,
             Stage::Sort => n * n / 2 + n + 8,
-            Stage::Idle | Stage::Done | Stage::NotConverged | Stage::Failed => 0,
+            Stage::Idle | Stage::Done | Stage::NotConverged => 0,
         };
         units as u32
     }
 
     /// Does one piece of work and names the next, or the state at which a matrix turned out not to be positive.
-    #[inline(always)]
-    fn piece(&mut self) -> Result<Stage, u8> {
+    fn piece(&mut self, stage: Stage) -> Result<Stage, u8> {
         let n = self.n;
-        Ok(match self.stage {
-            Stage::Pivot { k } if k >= n => match self.prior {
+        Ok(match stage {
+            Stage::Factor { k } if k < n => {
+                self.pivot(k);
+                if !factor_column(&mut self.a, n, k, &mut self.values) {
+                    return Err(self.state(k));
+                }
+                Stage::Factor { k: k + 1 }
+            }
+            Stage::Factor { .. } => match self.prior {
                 Prior::Independent => self.factored(),
                 Prior::Correlated(p0) => {
                     self.load_prior(p0);
-                    Stage::Prior { k: 0, i: 0 }
+                    Stage::Prior { k: 0 }
                 }
             },
-            Stage::Pivot { k } => {
-                self.pivot(k)?;
-                Stage::Factor { k, i: k + 1 }
-            }
-            Stage::Factor { k, i } if i >= n => Stage::Pivot { k: k + 1 },
-            Stage::Factor { k, i } => {
-                let x = reduce(&self.a, i, k) / at(&self.a, k, k);
-                set(&mut self.a, i, k, x);
-                if let Some(left) = self.values.get_mut(i) {
-                    *left -= x * x;
+            Stage::Prior { k } if k < n => {
+                if !factor_column(&mut self.b, n, k, &mut [T::zero(); N]) {
+                    return Err(self.state(k));
                 }
-                Stage::Factor { k, i: i + 1 }
+                Stage::Prior { k: k + 1 }
             }
-            Stage::Prior { k, i } => match factor_element(&mut self.b, n, k, i) {
-                Ok(Some((k, i))) => Stage::Prior { k, i },
-                Ok(None) if self.definite => Stage::Divide { i: 0 },
-                Ok(None) => Stage::Congruence { k: 0 },
-                Err(()) => return Err(self.order.get(k).copied().unwrap_or(0)),
-            },
-            Stage::Divide { i } if i >= n => self.factored(),
-            Stage::Divide { i } => {
+            Stage::Prior { .. } if self.definite => Stage::Divide { i: 0 },
+            Stage::Prior { .. } => Stage::Congruence { k: 0 },
+            Stage::Divide { i } if i < n => {
                 divide_row(&mut self.a, &self.b, i);
                 Stage::Divide { i: i + 1 }
             }
-            Stage::Congruence { k } if k >= n => {
-                self.read_diagonal();
-                self.first_sweep()
-            }
-            Stage::Congruence { k } => {
+            Stage::Divide { .. } => self.factored(),
+            Stage::Congruence { k } if k < n => {
                 congruence_step::<T, N>(&mut self.a, &self.b, n, k);
                 Stage::Congruence { k: k + 1 }
             }
-            Stage::Gram { i } if i >= n => {
-                self.read_diagonal();
-                self.first_sweep()
-            }
-            Stage::Gram { i } => {
+            Stage::Gram { i } if i < n => {
                 gram_row::<T, N>(&mut self.a, n, i);
                 Stage::Gram { i: i + 1 }
             }
-            Stage::Scan { q, p } => self.scan(q, p),
+            Stage::Gram { .. } | Stage::Congruence { .. } => {
+                self.read_diagonal();
+                self.first_sweep()
+            }
             Stage::Sort => {
                 self.sort();
                 match self.prior {
                     Prior::Correlated(p0) if A::KEPT && self.definite => {
                         copy_rows(&mut self.a, p0.words().0, &self.order, n);
-                        Stage::Again { k: 0, i: 0 }
+                        Stage::Again { k: 0 }
                     }
                     _ => Stage::Done,
                 }
             }
-            Stage::Again { k, i } => match factor_element(&mut self.a, n, k, i) {
-                Ok(Some((k, i))) => Stage::Again { k, i },
-                // the same matrix was factorised before
-                Ok(None) | Err(()) => Stage::Done,
-            },
-            done => done,
+            // the same matrix was factorised before
+            Stage::Again { k } if factor_column(&mut self.a, n, k, &mut [T::zero(); N]) => {
+                Stage::Again { k: k + 1 }
+            }
+            Stage::Again { .. } => Stage::Done,
+            other => other,
         })
     }
 
-    /// Brings the largest remaining diagonal element to row k and takes its root.
-    fn pivot(&mut self, k: usize) -> Result<(), u8> {
+    /// The state in row k.
+    fn state(&self, k: usize) -> u8 {
+        self.order.get(k).copied().unwrap_or(0)
+    }
+
+    /// Brings the largest remaining diagonal element to row k.
+    fn pivot(&mut self, k: usize) {
         let (mut best, mut largest) = (k, T::zero());
-        for (i, left) in self.values.iter().enumerate().take(self.n).skip(k) {
+        let left = self.values.get(k..self.n).unwrap_or_default();
+        for (i, left) in (k..).zip(left) {
             if *left > largest {
                 (best, largest) = (i, *left);
             }
@@ -503,12 +493,6 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
                 self.values.swap(k, best);
             }
         }
-        let pivot = reduce(&self.a, k, k);
-        if !(pivot > T::zero() && pivot.finite()) {
-            return Err(self.order.get(k).copied().unwrap_or(0));
-        }
-        set(&mut self.a, k, k, pivot.root());
-        Ok(())
     }
 
     /// The factor is there: keep it for the directions, and multiply.
@@ -541,57 +525,72 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
                 .fold(T::zero(), |m, x| m.max(x.abs()));
             self.floor = T::EPSILON * size;
         }
-        Stage::Scan { q: 1, p: 0 }
+        Stage::Pair { q: 1, p: 0 }
     }
 
-    /// Looks along row q from column p on, and rotates the first pair that needs it.
+    /// Looks along the rows of the triangle from pair (q, p) on, and rotates those that need it, until the budget does
+    /// not allow for another rotation.
     #[inline(always)]
-    fn scan(&mut self, q: usize, p: usize) -> Stage {
+    fn pairs(&mut self, mut q: usize, mut p: usize, budget: &mut u32) -> Stage {
         let n = self.n;
-        if q >= n {
-            self.sweep += 1;
-            return match (self.rotated, self.sweep < MAX_SWEEPS) {
-                (false, _) => Stage::Sort,
-                (true, true) => {
-                    self.rotated = false;
-                    Stage::Scan { q: 1, p: 0 }
-                }
-                (true, false) => Stage::NotConverged,
-            };
-        }
+        let rotation_cost = (n * if A::KEPT { 6 } else { 4 } + 16) as u32;
         let threshold = Threshold {
             floor: self.floor,
             axes: A::KEPT,
         };
-        let (left, right) = self.values.split_at_mut_checked(q).unwrap_or_default();
-        let Some(y) = right.first_mut() else {
-            return Stage::Sort;
-        };
-        let row_q = row(&self.a, q);
-        let pairs = left.iter_mut().zip(row_q).enumerate().skip(p);
-        for (p, (x, a)) in pairs {
-            if threshold.negligible(*x, *y, *a) {
-                continue;
+        while q < n {
+            let look = (q - p.min(q)) as u32 * PAIR;
+            if *budget < look + rotation_cost {
+                return Stage::Pair { q, p };
             }
-            let rotation = Rotation::annulling(*x, *y, *a);
-            *x -= rotation.shift;
-            *y += rotation.shift;
-            rotate(&mut self.a, n, p, q, &rotation);
-            self.axes.turn(p, q, rotation.s, rotation.tau);
-            self.rotated = true;
-            return Stage::Scan { q, p: p + 1 };
+            *budget -= look;
+            let (left, right) = self.values.split_at_mut_checked(q).unwrap_or_default();
+            let Some(y) = right.first_mut() else {
+                break;
+            };
+            let row_q = row(&self.a, q).get(p..q).unwrap_or_default();
+            let candidates = left.get_mut(p..).unwrap_or_default().iter_mut();
+            let mut rotation = None;
+            for (x, a) in candidates.zip(row_q) {
+                if !threshold.negligible(*x, *y, *a) {
+                    let found = Rotation::annulling(*x, *y, *a);
+                    *x -= found.shift;
+                    *y += found.shift;
+                    rotation = Some(found);
+                    break;
+                }
+                p += 1;
+            }
+            match rotation {
+                Some(rotation) => {
+                    *budget -= rotation_cost;
+                    rotate(&mut self.a, n, p, q, &rotation);
+                    self.axes.turn(p, q, rotation.s, rotation.tau);
+                    self.rotated = true;
+                    p += 1;
+                }
+                None => (q, p) = (q + 1, 0),
+            }
         }
-        Stage::Scan { q: q + 1, p: 0 }
+        self.sweep += 1;
+        match (self.rotated, self.sweep < MAX_SWEEPS) {
+            (false, _) => Stage::Sort,
+            (true, true) => {
+                self.rotated = false;
+                Stage::Pair { q: 1, p: 0 }
+            }
+            (true, false) => Stage::NotConverged,
+        }
     }
 
-    /// Insertion sort of the rows by their value.
+    /// Insertion sort of the rows by their value. They come in nearly descending order from the pivots.
     fn sort(&mut self) {
-        for i in 0..self.n {
-            let value = self.values.get(i).copied().unwrap_or_else(T::zero);
-            let mut place = i;
+        let rows = self.values.get(..self.n).unwrap_or_default().iter();
+        for (sorted, (row, value)) in rows.enumerate().rev().enumerate() {
+            let mut place = sorted;
             while place > 0 {
                 let below = self.rank.get(place - 1).copied().unwrap_or(0);
-                let other = self.values.get(usize::from(below)).copied();
+                let other = self.values.get(usize::from(below));
                 if !other.is_some_and(|x| x > value) {
                     break;
                 }
@@ -601,7 +600,7 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
                 place -= 1;
             }
             if let Some(to) = self.rank.get_mut(place) {
-                *to = i as u8;
+                *to = row as u8;
             }
         }
     }
@@ -621,31 +620,4 @@ fn copy_rows<T: Real>(to: &mut [T], from: &[T], order: &[u8], n: usize) {
             }
         }
     }
-}
-
-/// Element (i, k) of an unpivoted Cholesky factor in place, column after column, and which one is next; `Err` where
-/// the pivot is not positive.
-fn factor_element<T: Real>(
-    b: &mut [T],
-    n: usize,
-    k: usize,
-    i: usize,
-) -> Result<Option<(usize, usize)>, ()> {
-    if k >= n {
-        return Ok(None);
-    }
-    let x = reduce(b, i, k);
-    if i == k {
-        if !(x > T::zero() && x.finite()) {
-            return Err(());
-        }
-        set(b, k, k, x.root());
-    } else {
-        set(b, i, k, x / at(b, k, k));
-    }
-    Ok(Some(if i + 1 < n {
-        (k, i + 1)
-    } else {
-        (k + 1, k + 1)
-    }))
 }

@@ -52,46 +52,135 @@ pub(super) fn dot<T: Real>(x: &[T], y: &[T]) -> T {
     sum
 }
 
-/// Exchanges rows and columns p < q of a symmetric matrix of n rows whose first p columns may already hold a factor.
-pub(super) fn exchange<T: Real>(a: &mut [T], n: usize, p: usize, q: usize) {
-    let mut swap = |x: usize, y: usize| {
-        if x.max(y) < a.len() {
-            a.swap(x, y);
-        }
+/// Hands the elements of axes p < q of a packed symmetric matrix of n rows to `f`, pair by pair: (p, k) with (q, k) for
+/// every k but p and q. The elements (p, p), (q, p) and (q, q) are left out.
+#[inline(always)]
+pub(super) fn for_pairs<T: Real>(
+    a: &mut [T],
+    n: usize,
+    p: usize,
+    q: usize,
+    mut f: impl FnMut(&mut T, &mut T),
+) {
+    let Some((above, row_q)) = a.split_at_mut_checked(start(q)) else {
+        return;
     };
-    for k in 0..p {
-        swap(start(p) + k, start(q) + k);
+    // left of p: row p against row q
+    let row_p = above.get_mut(start(p)..start(p) + p).unwrap_or_default();
+    for (x_p, x_q) in row_p.iter_mut().zip(row_q.iter_mut()) {
+        f(x_p, x_q);
     }
-    for k in p + 1..q {
-        swap(start(k) + p, start(q) + k);
+    // between p and q: column p against row q
+    let mut at = start(p + 1) + p;
+    let between = row_q.get_mut(p + 1..q).unwrap_or_default();
+    for (step, x_q) in (p + 2..).zip(between) {
+        if let Some(x_p) = above.get_mut(at) {
+            f(x_p, x_q);
+        }
+        at += step;
     }
-    for k in q + 1..n {
-        swap(start(k) + p, start(k) + q);
+    // below q: columns p and q of one row
+    let mut at = start(q + 1) + p;
+    let across = q - p.min(q);
+    for step in q + 2..=n {
+        if let (Some(mut x_p), Some(mut x_q)) = (a.get(at).copied(), a.get(at + across).copied()) {
+            f(&mut x_p, &mut x_q);
+            if let Some(to) = a.get_mut(at) {
+                *to = x_p;
+            }
+            if let Some(to) = a.get_mut(at + across) {
+                *to = x_q;
+            }
+        }
+        at += step;
     }
-    swap(start(p) + p, start(q) + q);
 }
 
-/// What is left of element (i, k), i ≥ k, once the first k columns of the factor are taken out:
-/// a_ik − Σ_{j<k} l_ij l_kj.
+/// Exchanges axes p < q of a symmetric matrix of n rows whose first p columns may already hold a factor.
+pub(super) fn exchange<T: Real>(a: &mut [T], n: usize, p: usize, q: usize) {
+    for_pairs(a, n, p, q, core::mem::swap);
+    let (x, y) = (at(a, p, p), at(a, q, q));
+    set(a, p, p, y);
+    set(a, q, q, x);
+}
+
+/// Column k of a Cholesky factor in place, left-looking, once the columns before it are there:
+/// l_ik = (a_ik − Σ_{j<k} l_ij l_kj)/l_kk. `left` is the diagonal that remains and gets l_ik² taken off.
+///
+/// Returns `false`, and does nothing, where the pivot is not positive.
 #[inline(always)]
-pub(super) fn reduce<T: Real>(a: &[T], i: usize, k: usize) -> T {
-    let left = row(a, i).get(..k).unwrap_or(&[]);
-    at(a, i, k) - dot(left, row(a, k))
+pub(super) fn factor_column<T: Real>(a: &mut [T], n: usize, k: usize, left: &mut [T]) -> bool {
+    let Some((above, mut below)) = a.split_at_mut_checked(start(k + 1)) else {
+        return false;
+    };
+    let Some((pivot, row_k)) = above.get_mut(start(k)..).and_then(<[T]>::split_last_mut) else {
+        return false;
+    };
+    let square = *pivot - dot(row_k, row_k);
+    if !(square > T::zero() && square.finite()) {
+        return false;
+    }
+    *pivot = square.root();
+    let inverse = T::one() / *pivot;
+    let left = left.get_mut(k + 1..n).unwrap_or_default();
+    for (length, left) in (k + 2..).zip(left) {
+        let Some((row, rest)) = below.split_at_mut_checked(length) else {
+            return false;
+        };
+        if let Some((done, x)) = row.get_mut(..=k).and_then(<[T]>::split_last_mut) {
+            *done = (*done - dot(x, row_k)) * inverse;
+            *left -= *done * *done;
+        }
+        below = rest;
+    }
+    true
+}
+
+/// The rows from the top.
+#[inline(always)]
+pub(super) fn rows<T>(a: &[T]) -> impl Iterator<Item = &[T]> {
+    let (mut rest, mut length) = (a, 0);
+    core::iter::from_fn(move || {
+        length += 1;
+        let (row, below) = rest.split_at_checked(length)?;
+        rest = below;
+        Some(row)
+    })
 }
 
 /// Row i of LᵀL in place of row i of L; rows below i must still hold L, rows above are already done.
 ///
 /// Summed from the last row up: in a pivoted factor those are the smallest.
+#[inline(always)]
 pub(super) fn gram_row<T: Real, const N: usize>(a: &mut [T], n: usize, i: usize) {
     let mut sum = [T::zero(); N];
-    for k in (i..n).rev() {
-        let l = row(a, k);
-        let factor = l.get(i).copied().unwrap_or_else(T::zero);
-        for (sum, l) in sum.iter_mut().zip(l).take(i + 1) {
-            *sum += factor * *l;
+    let mut rest = a.get(start(i)..start(n)).unwrap_or(&[]);
+    let mut last = |length: usize| {
+        let (above, row) = rest.split_at_checked(rest.len().checked_sub(length)?)?;
+        rest = above;
+        row.get(..=i)
+    };
+    // two rows at a time: the sums are read and written half as often
+    let mut k = n;
+    while k > i + 1 {
+        let (Some(lower), Some(upper)) = (last(k), last(k - 1)) else {
+            return;
+        };
+        let of = |row: &[T]| row.last().copied().unwrap_or_else(T::zero);
+        let (x, y) = (of(lower), of(upper));
+        for (sum, (lower, upper)) in sum.iter_mut().zip(lower.iter().zip(upper)) {
+            *sum += x * *lower + y * *upper;
+        }
+        k -= 2;
+    }
+    let row_i = row_mut(a, i);
+    if k == i + 1 {
+        let x = row_i.last().copied().unwrap_or_else(T::zero);
+        for (sum, l) in sum.iter_mut().zip(row_i.iter()) {
+            *sum += x * *l;
         }
     }
-    for (to, sum) in row_mut(a, i).iter_mut().zip(&sum) {
+    for (to, sum) in row_i.iter_mut().zip(&sum) {
         *to = *sum;
     }
 }
