@@ -1,4 +1,5 @@
 //! Double-precision twins, written from the equations and not from the library's code.
 
 pub mod error_model;
+pub mod lu2009;
 pub mod strapdown;

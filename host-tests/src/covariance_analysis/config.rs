@@ -1,9 +1,8 @@
-//! Covariance analysis of a two-position alignment: a configuration in, P, ξ and η at chosen times out.
+//! What a covariance analysis is told: the keys of the golden runs.
 
 use serde::Deserialize;
 
-/// Number of states.
-pub const N: usize = 15;
+use super::N;
 
 /// One configuration. States: position angles θx = −δr_N/R, θy = +δr_E/R [rad], height [m], velocity east, north,
 /// up [m/s], attitude east, north, up [rad], gyro bias x, y, z [rad/s], accelerometer bias x, y, z [m/s²].
