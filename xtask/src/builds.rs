@@ -1,6 +1,6 @@
 //! The library on its bare targets, clippy and the documentation.
 
-use anyhow::{Context, Result};
+use anyhow::{bail, Context, Result};
 
 use crate::report::Report;
 use crate::shell;
@@ -51,12 +51,14 @@ pub fn bare(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
 }
 
 /// Documentation without a warning.
+///
+/// Units stand in square brackets, and rustdoc takes `[m]` for a link that leads nowhere; so the library allows such
+/// links, and here those that are no unit are found.
 fn docs(report: &mut Report) {
     report.check("documentation without warnings", || {
         let mut cargo = shell::command("cargo");
         cargo.args([
             "doc",
-            "--quiet",
             "--no-deps",
             "--package",
             "navsight",
@@ -64,8 +66,28 @@ fn docs(report: &mut Report) {
             "host-tests",
             "--all-features",
         ]);
-        shell::run(cargo.env("RUSTDOCFLAGS", "-D warnings")).map(drop)
+        cargo.env(
+            "RUSTDOCFLAGS",
+            "-D warnings --force-warn rustdoc::broken_intra_doc_links",
+        );
+        let output = shell::output(&mut cargo, None)?;
+        if !output.status.success() {
+            bail!("{}", output.stderr);
+        }
+        let broken: Vec<&str> = broken_links(&output.stderr).collect();
+        if !broken.is_empty() {
+            bail!("links that lead nowhere:\n  {}", broken.join("\n  "));
+        }
+        Ok(())
     });
+}
+
+/// Targets of broken links that are no units, from rustdoc's messages.
+fn broken_links(messages: &str) -> impl Iterator<Item = &str> {
+    let targets = messages
+        .lines()
+        .filter_map(|line| line.split_once("unresolved link to `")?.1.strip_suffix('`'));
+    targets.filter(|target| target.len() > 3 || target.contains(':'))
 }
 
 /// Format and clippy on the host.
@@ -106,6 +128,15 @@ fn features() -> Result<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn a_unit_is_no_broken_link() {
+        let messages = "warning: unresolved link to `rad`\n  --> src/lib.rs:13:40\nwarning: unresolved link to `Filter::nav`\n";
+        assert_eq!(
+            super::broken_links(messages).collect::<Vec<_>>(),
+            ["Filter::nav"]
+        );
+    }
+
     #[test]
     fn features_are_read_from_the_manifest() {
         let features = super::features().unwrap();
