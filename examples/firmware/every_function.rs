@@ -19,6 +19,10 @@ use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
 use navsight::measurement::{self, Height, Jacobian, Linearized, Position, Velocity, ZeroVelocity};
 use navsight::nav::NavState;
+use navsight::observability::diagonal::{self, Index, Xi};
+use navsight::observability::riccati::{DecreaseRate, Information};
+use navsight::observability::spectrum::{self, Axes, Directions, Spectrum, ValuesOnly};
+use navsight::sensor::{self, Axis, Burst, Triad, Word};
 
 /// Takes a result, so that its computation stays.
 #[inline(always)]
@@ -34,6 +38,18 @@ fn number<T: Real>() -> T {
 /// An unknown matrix.
 fn matrix<T: Real, const R: usize, const C: usize>() -> SMatrix<T, R, C> {
     any(SMatrix::repeat(number()))
+}
+
+/// Calls a function for 1 to 6 rows.
+macro_rules! with_rows {
+    ($function:ident, <$($t:ty),*>, $($argument:expr),*) => {
+        $function::<$($t,)* 1>($($argument),*);
+        $function::<$($t,)* 2>($($argument),*);
+        $function::<$($t,)* 3>($($argument),*);
+        $function::<$($t,)* 4>($($argument),*);
+        $function::<$($t,)* 5>($($argument),*);
+        $function::<$($t,)* 6>($($argument),*);
+    };
 }
 
 /// Everything.
@@ -57,6 +73,12 @@ pub fn call() {
     covariance::<f64, 3, 6>();
     structured::<f32>();
     structured::<f64>();
+    observability::<f32, 15, 120>();
+    observability::<f64, 15, 120>();
+    observability::<f32, 12, 78>();
+    by_blocks::<f32>();
+    by_blocks::<f64>();
+    keep(sensors());
     // What a refused construction leaves out stays linked: the optimizer does not know whether it is refused.
     keep(navigator().and_then(|nav| {
         measurements(&nav)?;
@@ -167,12 +189,7 @@ fn covariance<T: Real, const N: usize, const L: usize>() {
     keep((p.variance(any(1)), p.element(any(1), any(2))));
     keep((p.diagonal(), p.broken(), p.words()));
     keep(p.to_matrix());
-    rows::<T, N, L, 1>(&mut p);
-    rows::<T, N, L, 2>(&mut p);
-    rows::<T, N, L, 3>(&mut p);
-    rows::<T, N, L, 4>(&mut p);
-    rows::<T, N, L, 5>(&mut p);
-    rows::<T, N, L, 6>(&mut p);
+    with_rows!(rows, <T, N, L>, &mut p);
     keep(p);
 }
 
@@ -206,6 +223,87 @@ fn structured<T: Real>() {
     }
 }
 
+fn indices<T: Real, const N: usize>(index: Index<T, N>) {
+    let index = any(index);
+    keep((index.get(any(1)), index.all(), index.available()));
+}
+
+fn observability<T: Real, const N: usize, const L: usize>() {
+    let variances = any([number::<T>(); N]);
+    if let Ok(index) = diagonal::xi1(&variances, number(), any(1)) {
+        indices(index);
+    }
+    if let Ok(index) = diagonal::xi2(&variances, any(1)) {
+        indices(index);
+    }
+    let Ok(p) = Covariance::<T, N, L>::from_diagonal(&variances) else {
+        return;
+    };
+    with_rows!(rates, <T, N, L>, &p);
+    let rate = any(DecreaseRate::riccati(
+        &p,
+        &matrix(),
+        &matrix(),
+        &information::<T, N, 1>(),
+    ));
+    keep((rate.element(any(1), any(2)), rate.diagonal()));
+    spectra(&p, &rate, Spectrum::<T, N, L, ValuesOnly>::new());
+    spectra(&p, &rate, Spectrum::<T, N, L, Directions<T, N>>::new());
+}
+
+fn information<T: Real, const N: usize, const M: usize>() -> Information<T, M, N> {
+    any(Information {
+        h: if any(true) {
+            Observation::Direct { first: any(0) }
+        } else {
+            Observation::Dense(matrix())
+        },
+        r_t: [number(); M],
+    })
+}
+
+fn rates<T: Real, const N: usize, const L: usize, const M: usize>(p: &Covariance<T, N, L>) {
+    let information = information::<T, N, M>();
+    let riccati = diagonal::xi1_riccati(p, &matrix(), &matrix(), any(Some(&information)), any(1));
+    indices(riccati);
+    keep(DecreaseRate::riccati(p, &matrix(), &matrix(), &information));
+}
+
+fn spectra<'p, T: Real, const N: usize, const L: usize, A: Axes<T>>(
+    p: &'p Covariance<T, N, L>,
+    rate: &DecreaseRate<T, N, L>,
+    mut spectrum: Spectrum<'p, T, N, L, A>,
+) {
+    let prior = if any(true) {
+        spectrum::Prior::Independent
+    } else {
+        spectrum::Prior::Correlated(any(p))
+    };
+    keep(if any(true) {
+        spectrum.start_accuracy(p, prior, any(1))
+    } else {
+        spectrum.start_speed(rate, prior, any(1))
+    });
+    keep(spectrum.step(any(spectrum::SLICE)));
+    keep((spectrum.len(), spectrum.is_empty()));
+    keep((spectrum.value(any(1)), spectrum.direction(any(1))));
+}
+
+fn by_blocks<T: Real>() {
+    let Ok(p) = Covariance::<T, 15, 120>::from_diagonal(&any([number(); 15])) else {
+        return;
+    };
+    with_rows!(rates_by_blocks, <T>, &p);
+}
+
+fn rates_by_blocks<T: Real, const M: usize>(p: &Covariance<T, 15, 120>) {
+    let blocks = any(BlockTransition::<T>::identity());
+    let information = information::<T, 15, M>();
+    let riccati = diagonal::xi1_riccati_blocks(p, &blocks, any(Some(&information)), any(1));
+    indices(riccati);
+    keep(DecreaseRate::blocks(p, &blocks, &information));
+}
+
 fn sample() -> ImuIncrement {
     let (v, dt) = (matrix::<f32, 3, 1>(), number());
     keep(ImuIncrement::from_rates(v, v, dt));
@@ -219,6 +317,7 @@ fn navigator() -> Result<NavState, Error> {
     let motion = coning.correct(&imu);
     coning.remember(&imu);
     keep(coning);
+    keep((motion.phi_b(), motion.less_biases(&matrix(), &matrix())));
 
     let position = any(Geodetic::from_degrees(1.0, 1.0, 1.0));
     let nav = NavState::new(position, matrix::<f32, 3, 1>(), RfuToEnu(any([0.5; 4])))?;
@@ -244,10 +343,12 @@ fn navigator() -> Result<NavState, Error> {
 fn measurements(nav: &NavState) -> Result<(), Error> {
     let x: f32 = number();
     keep((measurement::variance(x), measurement::check_interval(x)));
-    keep(Height::new(any(0.5), x, x)?.linearize(nav));
-    let position = any(Geodetic::from_degrees(1.0, 1.0, 1.0));
-    keep(Position::new(position, matrix(), x)?.linearize(nav));
-    keep(Velocity::new(matrix::<f32, 3, 1>(), matrix(), x)?.linearize(nav));
+    let height = Height::new(any(0.5), x, x)?;
+    keep((height.interval(), height.linearize(nav)));
+    let position = Position::new(any(Geodetic::from_degrees(1.0, 1.0, 1.0)), matrix(), x)?;
+    keep((position.interval(), position.linearize(nav)));
+    let velocity = Velocity::new(matrix::<f32, 3, 1>(), matrix(), x)?;
+    keep((velocity.interval(), velocity.linearize(nav)));
     let standing = ZeroVelocity::new(x, x)?;
     keep(standing.interval());
     keep(standing.linearize(nav).h.dense());
@@ -275,12 +376,7 @@ fn filters(nav: NavState) -> Result<(), Error> {
     let mut filter = any(Filter::new(nav, &prior, settings)?);
     filter.propagate(&sample())?;
     filter.synchronize();
-    filter_rows::<1>(&mut filter);
-    filter_rows::<2>(&mut filter);
-    filter_rows::<3>(&mut filter);
-    filter_rows::<4>(&mut filter);
-    filter_rows::<5>(&mut filter);
-    filter_rows::<6>(&mut filter);
+    with_rows!(filter_rows, <>, &mut filter);
     keep((filter.environment(), filter.sigma(any(3)), filter.time()));
     keep((filter.nav(), filter.covariance(), filter.settings()));
     keep((filter.scaling(), filter.sigma0()));
@@ -298,8 +394,10 @@ fn filter_rows<const M: usize>(filter: &mut Filter) {
         r: matrix(),
         interval: number(),
     };
+    keep(Information::of(&any(linearized), filter.sigma0()));
     if let Ok(report) = filter.update(&any(linearized)) {
         keep(report.rows_accepted());
+        keep(Xi::of(&report));
         keep(report);
     }
 }
@@ -322,4 +420,75 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     keep(StandingAlignment::from_filter(filter, plan, prior));
 
     Ok(())
+}
+
+/// A register map of which the optimizer knows nothing.
+fn sensors() -> Result<(), Error> {
+    let triad = any(Triad {
+        first: [0, 2, 4],
+        word: Word::I16Be,
+        scale: 1.0,
+        axes: sensor::Axes {
+            right: Axis::X,
+            forward: Axis::Y,
+            up: Axis::Z,
+        },
+    });
+    keep(any(Word::I16Be).bytes());
+    let burst = Burst::<14>::new(any(&[0x1f]), triad, triad, any(None))?;
+    keep(burst.command());
+    keep(burst.decode(&any([0; 14]), number()));
+    #[cfg(feature = "embedded-hal")]
+    buses::call(burst);
+    Ok(())
+}
+
+/// Sensors on buses that answer anything.
+#[cfg(feature = "embedded-hal")]
+mod buses {
+    use super::{any, keep, number};
+    use embedded_hal::{i2c, spi};
+    use navsight::sensor::{Burst, I2cImu, ImuSource, SpiImu};
+
+    struct Bus;
+
+    impl spi::ErrorType for Bus {
+        type Error = spi::ErrorKind;
+    }
+
+    impl spi::SpiDevice for Bus {
+        fn transaction(
+            &mut self,
+            work: &mut [spi::Operation<'_, u8>],
+        ) -> Result<(), spi::ErrorKind> {
+            any(work);
+            any(Ok(()))
+        }
+    }
+
+    impl i2c::ErrorType for Bus {
+        type Error = i2c::ErrorKind;
+    }
+
+    impl i2c::I2c for Bus {
+        fn transaction(
+            &mut self,
+            address: u8,
+            work: &mut [i2c::Operation<'_>],
+        ) -> Result<(), i2c::ErrorKind> {
+            any((address, work));
+            any(Ok(()))
+        }
+    }
+
+    pub fn call<const L: usize>(burst: Burst<L>) {
+        let mut imu = SpiImu::new(Bus, burst);
+        keep(imu.bus_mut());
+        keep(imu.sample(number()));
+        keep(imu.release());
+        let mut imu = I2cImu::new(Bus, any(0x68), burst);
+        keep(imu.bus_mut());
+        keep(imu.sample(number()));
+        keep(imu.release());
+    }
 }

@@ -186,9 +186,11 @@ pub(super) fn diagonal<T: Real, const M: usize, const N: usize, const L: usize>(
     information: &Information<T, M, N>,
 ) -> [T; N] {
     let mut rate = [T::zero(); N];
-    for (i, (rate, q)) in rate.iter_mut().zip(q.iter()).enumerate() {
+    // `row_iter`: at opt-level "s" the bounds check of `row(i)` would stay
+    let rows = rate.iter_mut().zip(q.iter()).zip(f.row_iter());
+    for (i, ((rate, q), f)) in rows.enumerate() {
         let mut sum = T::zero();
-        for (f, x) in f.row(i).iter().zip(&column(p, i)) {
+        for (f, x) in f.iter().zip(&column(p, i)) {
             sum += *f * *x;
         }
         *rate = -(sum + sum + *q);

@@ -30,6 +30,7 @@ pub fn prove(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
     for (profile, opt) in [("firmware", "3"), ("firmware-s", "s")] {
         let build = Build {
             profile,
+            features: "embedded-hal",
             ..Build::plain(EXAMPLE)
         };
         report.check(
@@ -63,51 +64,33 @@ fn is_proof(error: &anyhow::Error) -> bool {
     format!("{error:#}").contains(&format!("undefined symbol: {MISSING}"))
 }
 
-/// Links with the missing function defined, and lists who calls into core's panic code, with source lines.
+/// Links with the missing function defined, and lists what leads into core's panic code, with source lines.
 fn culprits(build: &Build, toolchain: &Toolchain) -> Result<String> {
     packages::ready(&[packages::NM])?;
     let defined = format!("-Clink-arg=--defsym={MISSING}=0");
+    let rustc = [build.rustc, &[&defined]].concat();
     let elf = Build {
-        rustc: &[&defined],
+        rustc: &rustc,
         ..*build
     }
     .elf(toolchain)?;
-    let listing = shell::run(
-        shell::command("arm-none-eabi-objdump")
-            .args(["-d", "-C", "--no-show-raw-insn"])
-            .arg(&elf),
-    )?;
-    let mut addresses = Vec::new();
-    for line in listing.lines() {
-        let call = line.contains("core::panicking::")
-            || line.contains("core::slice::index::")
-            || line.contains("_fail>");
-        if let Some((address, _)) = line
-            .trim()
-            .split_once(':')
-            .filter(|(address, _)| call && is_hex(address))
-        {
-            addresses.push(address.to_owned());
-        }
-    }
+    let mut objdump = shell::command("arm-none-eabi-objdump");
+    let listing = shell::run(objdump.args(["-d", "-C", "--no-show-raw-insn"]).arg(&elf))?;
     let mut sources = BTreeSet::new();
-    for address in addresses {
+    for address in panicking(&listing) {
         let mut addr2line = shell::command("arm-none-eabi-addr2line");
-        let frames = shell::run(
-            addr2line
-                .args(["-C", "-f", "-i", "-p", "-e"])
-                .arg(&elf)
-                .arg(&address),
-        )?;
+        addr2line
+            .args(["-C", "-f", "-i", "-p", "-e"])
+            .arg(&elf)
+            .arg(format!("{address:x}"));
+        let frames = shell::run(&mut addr2line)?;
         // The innermost frames are core's; the first one of ours says where to look.
-        let ours = frames.lines().find(|frame| {
-            frame.contains("/src/") && !frame.contains("/library/") && !frame.contains("registry")
-        });
-        sources.insert(
-            ours.unwrap_or_else(|| frames.lines().last().unwrap_or_default())
-                .trim()
-                .to_owned(),
-        );
+        let root = format!("{}/", shell::root().display());
+        let ours = frames
+            .lines()
+            .find(|frame| frame.contains(&root) && !frame.ends_with('?'));
+        sources
+            .extend(ours.map(|frame| frame.replace(&root, "").trim().replace("(inlined by) ", "")));
     }
     Ok(format!(
         "panic paths survive:\n  {}",
@@ -115,8 +98,42 @@ fn culprits(build: &Build, toolchain: &Toolchain) -> Result<String> {
     ))
 }
 
-fn is_hex(text: &str) -> bool {
-    !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_hexdigit())
+/// Addresses of calls into core's panic code, and of the branches to the cold block that such a call stands in.
+fn panicking(listing: &str) -> BTreeSet<u64> {
+    let hex = |text: &str| u64::from_str_radix(text, 16).ok();
+    let mut calls = BTreeSet::new();
+    let mut cold = BTreeSet::new();
+    let mut block = Vec::new();
+    let mut branches = Vec::new();
+    for line in listing.lines() {
+        let Some((address, instruction)) = line.split_once(":\t") else {
+            block.clear();
+            continue;
+        };
+        let Some(address) = hex(address.trim()) else {
+            continue;
+        };
+        block.push(address);
+        let mnemonic = instruction.split_whitespace().next().unwrap_or_default();
+        let branches_off = mnemonic.starts_with('b') || mnemonic.starts_with("cb");
+        if !branches_off && !instruction.contains("pc}") {
+            continue;
+        }
+        let operands = instruction.split(" <").next().unwrap_or_default();
+        if let Some(target) = operands.split_whitespace().last().and_then(hex) {
+            branches.push((address, target));
+        }
+        if instruction.contains("<core::panicking::") || instruction.contains("_fail>") {
+            calls.insert(address);
+            cold.extend(block.iter().copied());
+        }
+        block.clear();
+    }
+    let leading = branches.iter().filter(|(_, target)| cold.contains(target));
+    leading
+        .map(|(address, _)| *address)
+        .chain(calls.iter().copied())
+        .collect()
 }
 
 /// A name that several types give to a function has to be called as often.
@@ -161,24 +178,46 @@ fn sources(dir: &std::path::Path) -> Result<Vec<std::path::PathBuf>> {
     Ok(files)
 }
 
-/// Names of the public functions of a file, its tests aside.
+/// Names of the public functions of a file, its tests and the functions of types that are not public aside.
 fn public_functions(source: &str) -> Vec<String> {
     let library = source
         .split("#[cfg(test)]\nmod ")
         .next()
         .unwrap_or_default();
+    let is_name = |c: &char| c.is_alphanumeric() || *c == '_';
     let mut names = Vec::new();
+    let mut of_private_type = false;
     for line in library.lines() {
+        if line.starts_with("impl") {
+            let subject = line
+                .rsplit_once(" for ")
+                .map_or(line, |(_, subject)| subject);
+            let subject = subject.trim_start_matches("impl").trim_start();
+            // The parameters of the impl, which may hold `>` of their own only in nested brackets.
+            let mut depth = 0;
+            let subject = subject.trim_start_matches(|c| {
+                depth += i32::from(c == '<') - i32::from(c == '>');
+                depth > 0 || c == '>' || c == ' '
+            });
+            let name: String = subject.chars().take_while(is_name).collect();
+            of_private_type = ["pub(super) struct ", "pub(crate) struct ", "\nstruct "]
+                .iter()
+                .any(|declaration| {
+                    library
+                        .match_indices(&format!("{declaration}{name}"))
+                        .any(|(at, found)| {
+                            !library[at + found.len()..].starts_with(|c| is_name(&c))
+                        })
+                });
+        } else if !line.is_empty() && !line.starts_with([' ', '}', ')']) {
+            of_private_type = false;
+        }
         let line = line.trim_start();
-        if let Some(rest) = line
+        let function = line
             .strip_prefix("pub fn ")
-            .or_else(|| line.strip_prefix("pub const fn "))
-        {
-            names.push(
-                rest.chars()
-                    .take_while(|c| c.is_alphanumeric() || *c == '_')
-                    .collect(),
-            );
+            .or_else(|| line.strip_prefix("pub const fn "));
+        if let Some(rest) = function.filter(|_| !of_private_type) {
+            names.push(rest.chars().take_while(is_name).collect());
         }
     }
     names
@@ -208,6 +247,21 @@ mod tests {
     fn public_functions_are_found_and_tests_are_not() {
         let source = "pub fn radii<T>(x: T) {}\nfn own() {}\nimpl A {\n    pub const fn new() -> A {}\n}\n#[cfg(test)]\nmod tests {\n    pub fn helper() {}\n}\n";
         assert_eq!(public_functions(source), ["radii", "new"]);
+    }
+
+    #[test]
+    fn functions_of_private_types_are_not_public() {
+        let source = "pub(super) struct Pair<T>(T);\npub struct PairOf;\nimpl<T: Into<f32>> Pair<T> {\n    fn own() {}\n\n    pub fn turn(&self) {}\n}\nimpl PairOf {\n    pub fn of() {}\n}\npub fn free() {}\n";
+        assert_eq!(public_functions(source), ["of", "free"]);
+    }
+
+    #[test]
+    fn branches_into_a_panic_are_found() {
+        let listing = "   2ba30:\tbeq.n\t2ba44 <f+0x10>\n   2ba40:\tbcs.w\t300b8 <f+0x4ae0>\n   2ba44:\tmuls\tr0, r6\n   2ba46:\tpop\t{r4, pc}\n   300b8:\tldr\tr0, [pc, #8]\t@ (400 <x>)\n   300ba:\tbl\t757a0 <core::panicking::panic_fmt>\n   300be:\tbl\t400 <g>\n";
+        assert_eq!(
+            panicking(listing).into_iter().collect::<Vec<_>>(),
+            [0x2ba40, 0x300ba]
+        );
     }
 
     #[test]

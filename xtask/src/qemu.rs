@@ -35,6 +35,8 @@ pub struct Build<'a> {
     pub profile: &'a str,
     /// Value of `-C target-cpu`, or empty.
     pub cpu: &'a str,
+    /// Features of the library, separated by commas.
+    pub features: &'a str,
     /// Arguments of rustc for this crate alone.
     pub rustc: &'a [&'a str],
 }
@@ -46,6 +48,7 @@ impl<'a> Build<'a> {
             example,
             profile: "firmware",
             cpu: "",
+            features: "",
             rustc: &[],
         }
     }
@@ -63,7 +66,14 @@ impl<'a> Build<'a> {
                 self.cpu
             ));
         }
-        cargo.args(["--package", "navsight", "--example", self.example]);
+        cargo.args([
+            "--package",
+            "navsight",
+            "--example",
+            self.example,
+            "--features",
+            self.features,
+        ]);
         cargo
             .args(["--target", THUMBV7EM, "--profile", self.profile, "--"])
             .args(self.rustc);
