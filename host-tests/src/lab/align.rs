@@ -26,6 +26,9 @@ use crate::config::{self, Config};
 use crate::sim::{Pose, Sensor, SensorErrors, Simulator, Static, Trajectory, Truth};
 
 mod pages;
+mod paper;
+
+use paper::Paper;
 
 /// Flags of the command.
 #[derive(clap::Args)]
@@ -271,29 +274,30 @@ struct Case {
 pub fn run(args: &Args) -> Result<(), LabError> {
     let scenario = Scenario::read(args)?;
     let samples = (scenario.duration_s * scenario.rate_hz) as u64;
-    let bar = super::progress(2 * samples, "align");
+    // A step of the analysis costs about as much as a hundred samples.
+    let bar = super::progress(2 * samples + 200 * paper::STEPS, "align");
     let impossible =
         |error: Error| LabError::plain(format!("the filter refused this scenario: {error:?}"));
     let one = simulate(&scenario, false, &bar).map_err(impossible)?;
     let two = simulate(&scenario, true, &bar).map_err(impossible)?;
+    let paper = Paper::run(|| bar.inc(100))?;
     bar.finish_and_clear();
     let outcome = pages::Outcome {
         scenario: &scenario,
         cases: [&one, &two],
+        paper: &paper,
     };
     let path = outcome.page().write(&args.report)?;
     if args.json {
-        let mut object = json!({
+        return super::print_json(&json!({
             "states": STATES.map(|s| s.name),
             "case1": one.json(),
             "case2": two.json(),
-        });
-        object["report"] = json!(path.display().to_string());
-        return super::print_json(&object);
+            "lu2009": paper.json(),
+            "report": path.display().to_string(),
+        }));
     }
-    outcome.print();
-    println!("Report: {}", path.display());
-    Ok(())
+    super::print_text(&format!("{}\nReport: {}\n", outcome.text(), path.display()))
 }
 
 /// Runs one case through the library.

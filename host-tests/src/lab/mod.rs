@@ -73,10 +73,15 @@ pub fn progress(steps: u64, what: &'static str) -> indicatif::ProgressBar {
         .with_message(what)
 }
 
-/// Prints one JSON object on standard output. A reader that closed the pipe is no failure.
+/// Prints one JSON object on standard output.
 pub fn print_json(value: &serde_json::Value) -> Result<(), LabError> {
+    print_text(&format!("{value}\n"))
+}
+
+/// Prints on standard output. A reader that closed the pipe is no failure.
+pub fn print_text(text: &str) -> Result<(), LabError> {
     use std::io::Write;
-    match writeln!(std::io::stdout().lock(), "{value}") {
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(LabError::plain(format!("standard output: {error}")))
         }

@@ -124,11 +124,11 @@ pub fn run(args: &Args) -> Result<(), LabError> {
     if args.json {
         return super::print_json(&outcome.json());
     }
-    outcome.print();
+    let mut text = outcome.text();
     if let Some(path) = written {
-        println!("\nReport: {}", path.display());
+        text += &format!("\nReport: {}\n", path.display());
     }
-    Ok(())
+    super::print_text(&text)
 }
 
 fn optional<T>(
@@ -523,7 +523,7 @@ impl Outcome {
             "sigma": self.sigma,
             "nis": { "mean_per_row": per_row, "last_per_row": self.nis.last, "updates": self.nis.updates },
             "rejected": self.rejected,
-            "rms_vs_ref": self.rms(),
+            "rms_vs_ref": self.rms_json(),
             "events": events,
             "t_end_s": self.time,
             "samples": self.samples,
@@ -539,19 +539,22 @@ impl Outcome {
         object
     }
 
-    /// Root mean square of the differences to the reference [°]; null without one.
-    fn rms(&self) -> Value {
+    /// Root mean square of the differences to the reference, heading, pitch, roll [°].
+    fn rms(&self) -> Option<[f64; 3]> {
         let n = self.compared.count as f64;
-        if self.compared.count == 0 {
+        (n > 0.0).then(|| self.compared.square.map(|s| (s / n).sqrt()))
+    }
+
+    fn rms_json(&self) -> Value {
+        let Some(rms) = self.rms() else {
             return Value::Null;
-        }
-        let rms = self.compared.square.map(|s| (s / n).sqrt());
-        let mean = self.compared.sum[0] / n;
-        let scatter = (self.compared.square[0] / n - mean * mean).max(0.0).sqrt();
+        };
+        let mean = self.compared.sum[0] / self.compared.count as f64;
         json!({
             "heading_deg": rms[0], "pitch_deg": rms[1], "roll_deg": rms[2],
             // a reference whose local frame does not point north differs by a constant
-            "heading_mean_deg": mean, "heading_without_mean_deg": scatter,
+            "heading_mean_deg": mean,
+            "heading_without_mean_deg": (rms[0] * rms[0] - mean * mean).max(0.0).sqrt(),
             "instants": self.compared.count,
         })
     }
@@ -637,21 +640,34 @@ impl Outcome {
                 ),
             ));
         }
+        if let Some([heading, pitch, roll]) = self.rms() {
+            let n = self.compared.count as f64;
+            answers.push((
+                Tone::Plain,
+                "Does it agree with the reference?",
+                format!(
+                    "Differences at {} instants, rms: heading {}°, pitch {}°, roll {}°; the mean difference in heading is {}°.",
+                    self.compared.count, digits(heading, 3), digits(pitch, 3), digits(roll, 3),
+                    digits(self.compared.sum[0] / n, 3),
+                ),
+            ));
+        }
         answers
     }
 
-    fn print(&self) {
-        println!("{}", self.solutions().to_text());
-        println!("{}", self.states().to_text());
+    fn text(&self) -> String {
+        let mut text = format!(
+            "{}\n{}\n",
+            self.solutions().to_text(),
+            self.states().to_text()
+        );
         for (_, question, answer) in self.answers() {
-            println!("{question} {answer}");
-        }
-        if let Value::Object(rms) = self.rms() {
-            println!("Against the reference, rms: {}", Value::Object(rms));
+            text += &format!("{question} {answer}\n");
         }
         for (t, what) in self.events.iter().take(20) {
-            println!("{t:>10.2} s  {what}");
+            text += &format!("{t:>10.2} s  {what}\n");
         }
+        text
     }
 
     fn solutions(&self) -> Table {
