@@ -11,12 +11,17 @@ use navsight::attitude::Euler;
 use navsight::covariance::{Covariance15, Observation, Rows};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::{block_transition, BiasModel, Interval, NoiseDensity, Scaling};
+use navsight::error_model::{
+    block_rates, block_transition, BiasModel, Interval, NoiseDensity, Scaling,
+};
 use navsight::filter::{Filter, Prior, Settings};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::linalg::Real;
 use navsight::measurement::{Height, Linearized, ZeroVelocity};
 use navsight::nav::NavState;
+use navsight::observability::diagonal::{xi1_riccati_blocks, Xi};
+use navsight::observability::riccati::{DecreaseRate15, Information};
+use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly};
 
 use crate::probe::{calibration, region};
 
@@ -24,15 +29,15 @@ use crate::probe::{calibration, region};
 struct Table<'a>(&'a mut HostStream);
 
 impl Table<'_> {
-    /// Counts one piece of work: a row of the table is one call of this.
-    fn row<S>(
+    /// Counts one piece of work: a row of the table is one call of this. Work that is refused is no work.
+    fn row<S, R>(
         &mut self,
         work: &str,
         scalar: &str,
         mut state: S,
-        f: fn(&mut S),
+        f: fn(&mut S) -> Result<R, Error>,
     ) -> core::fmt::Result {
-        region(&mut state, f);
+        let _ = region(&mut state, f).map_err(refused)?;
         writeln!(self.0, "row\t{work}\t{scalar}")
     }
 
@@ -42,77 +47,173 @@ impl Table<'_> {
     }
 }
 
+fn refused(_: Error) -> core::fmt::Error {
+    core::fmt::Error
+}
+
 /// All rows, in the order of the table. The first two say what the markers cost and that the counting is right.
 pub fn run(out: &mut HostStream) -> core::fmt::Result {
     let table = &mut Table(out);
-    table.row("empty", "", (), |_| ())?;
+    table.row("empty", "", (), |_| Ok(()))?;
     table.row("calibration", "", (), calibration)?;
 
-    let (filter, imu) = aligning().map_err(|_| core::fmt::Error)?;
-    table.row(
-        "mechanization step",
-        "f32",
-        (*filter.nav(), imu),
-        |(nav, imu)| {
-            let _ = nav.advance(imu);
-        },
-    )?;
-    table.row(
-        "IMU sample through the filter",
-        "f32",
-        (filter.clone(), imu),
-        |(filter, imu)| {
-            let _ = filter.propagate(imu);
-        },
-    )?;
-    table.row(
-        "covariance propagation",
-        "f32",
-        gathered(&filter, imu),
-        |filter| filter.synchronize(),
-    )?;
-    table.row(
-        "three-row zero-velocity update",
-        "f32",
-        (filter.clone(), ZeroVelocity::new(0.01, 0.1).ok()),
-        |(filter, standing)| {
-            let _ = standing.map(|standing| filter.update(&standing.linearize(filter.nav())));
-        },
-    )?;
-    table.row(
-        "one-row update",
-        "f32",
-        (filter.clone(), Height::new(100.0, 1.0, 0.1).ok()),
-        |(filter, height)| {
-            let _ = height.map(|height| filter.update(&height.linearize(filter.nav())));
-        },
-    )?;
-    table.row(
-        "three dense rows",
-        "f32",
-        (filter.clone(), dense()),
-        |(filter, rows)| {
-            let _ = filter.update(rows);
-        },
-    )?;
-    kernels::<f32>(table, "f32")?;
-    kernels::<f64>(table, "f64")?;
+    let (filter, imu) = aligning().map_err(refused)?;
+    navigator(table, &filter, imu)?;
+    observability(table, &filter)?;
+    kernels::<f32>(table, "f32", &filter, imu)?;
+    kernels::<f64>(table, "f64", &filter, imu)?;
 
     table.ram::<NavState>("NavState")?;
     table.ram::<Covariance15<f32>>("Covariance15<f32>")?;
     table.ram::<Covariance15<f64>>("Covariance15<f64>")?;
     table.ram::<Filter>("Filter")?;
-    table.ram::<StandingAlignment>("StandingAlignment")
+    table.ram::<StandingAlignment>("StandingAlignment")?;
+    table.ram::<Spectrum15<f32, ValuesOnly>>("Spectrum15<f32, ValuesOnly>")?;
+    table.ram::<Spectrum15<f32, Directions<f32, 15>>>("Spectrum15<f32, Directions<f32, 15>>")
+}
+
+/// What a program calls all the time.
+fn navigator(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Result {
+    table.row(
+        "mechanization step",
+        "f32",
+        (*filter.nav(), imu),
+        |(nav, imu)| nav.advance(imu),
+    )?;
+    table.row(
+        "IMU sample through the filter",
+        "f32",
+        (filter.clone(), imu),
+        |(filter, imu)| filter.propagate(imu),
+    )?;
+    table.row(
+        "covariance propagation",
+        "f32",
+        gathered(filter, imu),
+        |filter| {
+            filter.synchronize();
+            Ok(())
+        },
+    )?;
+    let standing = ZeroVelocity::new(0.01, 0.1).map_err(refused)?;
+    accepts(filter, &standing.linearize(filter.nav()))?;
+    table.row(
+        "three-row zero-velocity update",
+        "f32",
+        (filter.clone(), standing),
+        |(filter, standing)| filter.update(&standing.linearize(filter.nav())),
+    )?;
+    let height = Height::new(401.0, 1.0, 0.1).map_err(refused)?;
+    accepts(filter, &height.linearize(filter.nav()))?;
+    table.row(
+        "one-row update",
+        "f32",
+        (filter.clone(), height),
+        |(filter, height)| filter.update(&height.linearize(filter.nav())),
+    )?;
+    accepts(filter, &dense())?;
+    table.row(
+        "three dense rows",
+        "f32",
+        (filter.clone(), dense()),
+        |(filter, rows)| filter.update(rows),
+    )
+}
+
+/// A gated row would be cheaper than a used one.
+fn accepts<const M: usize>(filter: &Filter, measurement: &Linearized<M>) -> core::fmt::Result {
+    let report = filter.clone().update(measurement).map_err(refused)?;
+    if report.rows_accepted() == M {
+        Ok(())
+    } else {
+        Err(core::fmt::Error)
+    }
+}
+
+/// What the filter can tell about itself, after one more zero-velocity update.
+fn observability(table: &mut Table, filter: &Filter) -> core::fmt::Result {
+    let mut filter = filter.clone();
+    let measurement = ZeroVelocity::new(0.01, 0.1)
+        .map_err(refused)?
+        .linearize(filter.nav());
+    let report = filter.update(&measurement).map_err(refused)?;
+    let information = Information::of(&measurement, filter.sigma0());
+    let nav = filter.nav();
+    let rates = block_rates(
+        &filter.environment(),
+        &nav.c_b_n(),
+        &Vector3::new(0.0, 0.0, nav.local().gravity),
+        filter.scaling(),
+    );
+    let p = *filter.covariance();
+    table.row("ξ set: ξ1 and ξ2 of 15 states", "f32", report, |report| {
+        Xi::of(report)
+    })?;
+    table.row(
+        "Riccati ξ1 of 15 states",
+        "f32",
+        (p, rates, information),
+        |(p, rates, information)| Ok(xi1_riccati_blocks(p, rates, information.as_ref(), u32::MAX)),
+    )?;
+    let independent = spectrum::Prior::Independent;
+    table.row(
+        "full η2 spectrum, values",
+        "f32",
+        (p, Spectrum15::<f32, ValuesOnly>::new()),
+        |(p, eta)| {
+            eta.start_accuracy(p, spectrum::Prior::Independent, u32::MAX)?;
+            eta.step(u32::MAX)
+        },
+    )?;
+    table.row(
+        "full η2 spectrum, values and directions",
+        "f32",
+        (p, Spectrum15::<f32, Directions<f32, 15>>::new()),
+        |(p, eta)| {
+            eta.start_accuracy(p, spectrum::Prior::Independent, u32::MAX)?;
+            eta.step(u32::MAX)
+        },
+    )?;
+    let mut slice = Spectrum15::<f32, ValuesOnly>::new();
+    slice
+        .start_accuracy(&p, independent, u32::MAX)
+        .map_err(refused)?;
+    table.row("one slice of an η spectrum", "f32", slice, |eta| {
+        eta.step(spectrum::SLICE)
+    })?;
+    let Some(information) = information else {
+        return Err(core::fmt::Error);
+    };
+    let rate = DecreaseRate15::blocks(&p, &rates, &information);
+    table.row(
+        "−Ṗ for η1",
+        "f32",
+        (p, rates, information),
+        |(p, rates, information)| Ok(DecreaseRate15::blocks(p, rates, information)),
+    )?;
+    table.row(
+        "full η1 spectrum, values",
+        "f32",
+        (rate, Spectrum15::<f32, ValuesOnly>::new()),
+        |(rate, eta)| {
+            eta.start_speed(rate, spectrum::Prior::Independent, u32::MAX)?;
+            eta.step(u32::MAX)
+        },
+    )
 }
 
 /// The covariance alone, without a navigator around it.
-fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
-    let (filter, imu) = aligning().map_err(|_| core::fmt::Error)?;
+fn kernels<T: Real>(
+    table: &mut Table,
+    scalar: &str,
+    filter: &Filter,
+    imu: ImuIncrement,
+) -> core::fmt::Result {
     let wide = |x: f32| T::of(f64::from(x));
     let mut nav = *filter.nav();
     let mut interval = Interval::<T>::empty();
     for _ in 0..10 {
-        let step = nav.advance(&imu).map_err(|_| core::fmt::Error)?;
+        let step = nav.advance(&imu).map_err(refused)?;
         interval.add(
             &step.c_b_n.map(wide),
             &step.delta_v_n.map(wide),
@@ -120,7 +221,7 @@ fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
         );
     }
     let p: SMatrix<T, 15, 15> = filter.covariance().to_matrix().map(wide);
-    let covariance = Covariance15::from_matrix(&p).map_err(|_| core::fmt::Error)?;
+    let covariance = Covariance15::from_matrix(&p).map_err(refused)?;
     let environment = navsight::error_model::Environment::<T>::wgs84(
         nav.position().lat,
         nav.position().height,
@@ -131,14 +232,12 @@ fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
         &BiasModel::constant(),
         &NoiseDensity::from_random_walks(T::of(1e-4), T::of(1e-6)),
     )
-    .map_err(|_| core::fmt::Error)?;
+    .map_err(refused)?;
     table.row(
         "Φ and Q of an interval",
         scalar,
-        (environment, interval, scaling, None),
-        |(e, i, s, to)| {
-            *to = Some(block_transition(e, i, s));
-        },
+        (environment, interval, scaling),
+        |(environment, interval, scaling)| Ok(block_transition(environment, interval, scaling)),
     )?;
     let blocks = block_transition(&environment, &interval, &scaling);
     table.row(
@@ -147,6 +246,7 @@ fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
         (covariance, blocks),
         |(p, blocks)| {
             p.propagate_blocks(blocks);
+            Ok(())
         },
     )?;
     let dense: (SMatrix<T, 15, 15>, SVector<T, 15>) = (blocks.dense(), blocks.noise());
@@ -156,6 +256,7 @@ fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
         (covariance, dense),
         |(p, (a, q))| {
             p.propagate(a, q);
+            Ok(())
         },
     )?;
     let rows = Rows::<T, 3, 15> {
@@ -168,9 +269,7 @@ fn kernels<T: Real>(table: &mut Table, scalar: &str) -> core::fmt::Result {
         "three-row update, kernel",
         scalar,
         (covariance, rows),
-        |(p, rows)| {
-            let _ = p.update(rows);
-        },
+        |(p, rows)| p.update(rows),
     )
 }
 
