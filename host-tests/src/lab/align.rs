@@ -23,6 +23,7 @@ use super::solution::Solution;
 use super::states::{xi, STATES};
 use super::LabError;
 use crate::config::{self, Config};
+use crate::report::write_file;
 use crate::sim::{Pose, Sensor, SensorErrors, Simulator, Static, Trajectory, Truth};
 
 mod pages;
@@ -75,6 +76,9 @@ pub struct Args {
     /// Write report.html with pictures into this folder
     #[arg(long, value_name = "DIR", default_value = "target/report")]
     report: PathBuf,
+    /// Write the two pictures of the heading, σ and ξ2, into this folder as SVG files
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
 }
 
 /// What is simulated.
@@ -288,6 +292,11 @@ pub fn run(args: &Args) -> Result<(), LabError> {
         paper: &paper,
     };
     let path = outcome.page().write(&args.report)?;
+    if let Some(folder) = &args.pictures {
+        for (name, svg) in outcome.pictures() {
+            write_file(&folder.join(name), &svg)?;
+        }
+    }
     if args.json {
         return super::print_json(&json!({
             "states": STATES.map(|s| s.name),

@@ -4,7 +4,7 @@ mod page;
 pub mod plot;
 mod table;
 
-pub use page::{Page, Tone};
+pub use page::{write_file, Page, Tone};
 pub use plot::{Chart, Scale, Series};
 pub use table::{Cell, Table};
 

@@ -114,9 +114,15 @@ impl Page {
     /// Writes `report.html` into a folder, which is made if need be, and returns its path.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, LabError> {
         let path = folder.join("report.html");
-        fs::create_dir_all(folder)
-            .and_then(|()| fs::write(&path, self.to_html()))
-            .map_err(|e| LabError::in_file(&path, format!("cannot be written: {e}")))?;
+        write_file(&path, &self.to_html())?;
         Ok(path)
     }
+}
+
+/// Writes a file into a folder, which is made if need be.
+pub fn write_file(path: &Path, text: &str) -> Result<(), LabError> {
+    path.parent()
+        .map_or(Ok(()), fs::create_dir_all)
+        .and_then(|()| fs::write(path, text))
+        .map_err(|e| LabError::in_file(path, format!("cannot be written: {e}")))
 }

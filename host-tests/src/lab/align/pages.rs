@@ -108,6 +108,24 @@ impl Outcome<'_> {
         page
     }
 
+    /// The pictures of the README: file names and SVG.
+    pub(super) fn pictures(&self) -> [(&'static str, String); 2] {
+        let lines = vec![
+            self.line(0, |m| m.xi2[HEADING]),
+            self.line(1, |m| m.xi2[HEADING]),
+        ];
+        let chart = self.chart("ξ2 of the heading", Scale::Logarithmic, lines);
+        let xi2 = Chart {
+            x_label: "time [s]".into(),
+            size: (520, 260),
+            ..chart
+        };
+        [
+            ("heading_sigma.svg", self.heading_sigma()),
+            ("heading_xi2.svg", xi2.svg()),
+        ]
+    }
+
     fn answers(&self) -> Vec<(Tone, &'static str, String)> {
         let [one, two] = self.cases.map(|c| &c.last);
         let heading = |m: &Moment| m.sigma[HEADING].to_degrees();
