@@ -147,7 +147,7 @@ pub fn omega_en_n<T: Real>(v_n: &Vector3<T>, r_m: T, r_n: T, tan_lat: T) -> Vect
 /// or a loop: nothing to refresh and nothing that can be stale.
 ///
 /// Against f64 for |L| ≤ 80°, [`MIN_HEIGHT`] ≤ h ≤ [`MAX_HEIGHT`]: sine and cosine within 6e-8, tangent, radii, their
-/// inverses and gravity within 3e-7 of their value (`host-tests/tests/earth.rs`).
+/// inverses and gravity within 4e-7 of their value (`host-tests/tests/earth.rs`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Local {
