@@ -1,3 +1,4 @@
 //! What papers print, as numbers to stand beside ours.
 
+pub mod cells;
 pub mod lu2009;
