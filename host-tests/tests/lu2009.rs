@@ -96,10 +96,9 @@ fn close(what: &str, got: &[f64], want: &[f64], tolerance: (f64, f64), resolutio
 /// The vector belonging to value k against nu (SI), in σ0 units and up to its sign.
 fn close_vector(what: &str, eigen: &Eigen, k: usize, nu: &[f64], config: &Config) {
     let (mut plus, mut minus) = (0.0f64, 0.0f64);
-    for i in 0..N {
-        let want = nu[i] * config.sigma0[i];
-        plus = plus.max((eigen.vectors[k][i] - want).abs());
-        minus = minus.max((eigen.vectors[k][i] + want).abs());
+    for ((got, nu), sigma) in eigen.vectors[k].iter().zip(nu).zip(&config.sigma0) {
+        plus = plus.max((got - nu * sigma).abs());
+        minus = minus.max((got + nu * sigma).abs());
     }
     assert!(plus.min(minus) <= NU, "{what}: {:e}", plus.min(minus));
 }
