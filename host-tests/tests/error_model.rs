@@ -503,3 +503,38 @@ fn damaged_settings_are_refused() {
         assert_eq!(Scaling::new(&good, &damaged, &noise), Err(error));
     }
 }
+
+#[test]
+fn single_precision_is_double_precision_rounded() {
+    // Products of at most five rounded factors: 6 · 2⁻²⁴ of an element; sums only of terms of one sign here (ω).
+    let s = &states()[0];
+    let sigma0 = [
+        10.0, 8.0, 5.0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03, 1e-7, 2e-7, 3e-7, 1e-3, 2e-3, 3e-3,
+    ];
+    let bias = BiasModel::from_correlation_times(72_000.0, 3600.0).unwrap();
+    let noise = NoiseDensity::from_random_walks(1e-4, 1e-8)
+        .with_stationary_biases(&bias, [1e-7; 3], [1e-3; 3]);
+    let (c, f_n) = (s.c_b_n, s.c_b_n * s.f_b);
+    let env = Environment::wgs84(s.at.lat, s.at.height, s.v_n);
+    let double = block_rates(
+        &env,
+        &c,
+        &f_n,
+        &Scaling::new(&sigma0, &bias, &noise).unwrap(),
+    );
+    let single = {
+        let bias = BiasModel::from_correlation_times(72_000.0f32, 3600.0).unwrap();
+        let noise = NoiseDensity::from_random_walks(1e-4f32, 1e-8)
+            .with_stationary_biases(&bias, [1e-7; 3], [1e-3; 3]);
+        let env = Environment::wgs84(s.at.lat, s.at.height, s.v_n.cast());
+        let scaling = Scaling::new(&sigma0.map(|x| x as f32), &bias, &noise).unwrap();
+        block_rates(&env, &c.cast(), &f_n.cast(), &scaling)
+    };
+    let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= 6.0 / 16_777_216.0 * b.abs();
+    for (a, b) in single.dense().iter().zip(double.dense().iter()) {
+        assert!(close(*a, *b), "{a:e} {b:e}");
+    }
+    for (a, b) in single.noise().iter().zip(double.noise().iter()) {
+        assert!(close(*a, *b), "{a:e} {b:e}");
+    }
+}
