@@ -137,6 +137,20 @@ fn a_centimetre_is_seen_far_from_the_origin() {
 }
 
 #[test]
+fn a_velocity_below_the_last_place_is_seen() {
+    // half of the last place of 200 m/s is 8e-6 m/s; the correction goes into the second word
+    let nav = tilted_and_moving();
+    let z = Velocity::new(nav.v_n(), Vector3::repeat(0.1), 1.0).unwrap();
+    let moved = nav.corrected(&SVector::ith(VEL + 1, 4e-6));
+    assert_eq!(moved.v_n(), nav.v_n());
+    let change = z.linearize(&moved).nu - z.linearize(&nav).nu;
+    assert!(
+        (change - Vector3::new(0.0, 4e-6, 0.0)).amax() < 1e-10,
+        "{change}"
+    );
+}
+
+#[test]
 fn the_short_way_is_taken_across_the_180th_meridian() {
     let nav = NavState::new(
         Geodetic::from_degrees(0.0, 179.999_99, 0.0),

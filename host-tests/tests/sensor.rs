@@ -233,6 +233,25 @@ fn only_rotations_are_axes() {
 }
 
 #[test]
+fn each_axis_goes_where_it_points() {
+    let decode = |axes| {
+        let t = triad([0, 2, 4], Word::I16Be, 1.0, axes);
+        let burst = Burst::<6>::new(&[0], t, t, None).unwrap();
+        burst.decode(&[0, 1, 0, 2, 0, 3], 1.0).unwrap().delta_v_b
+    };
+    let axes = |right, forward, up| Axes { right, forward, up };
+    for (axes, expected) in [
+        (Axes::RFU, [1.0, 2.0, 3.0]),
+        (Axes::FRD, [2.0, 1.0, -3.0]),
+        (Axes::FLU, [-2.0, 1.0, 3.0]),
+        (axes(Axis::MinusX, Axis::MinusY, Axis::Z), [-1.0, -2.0, 3.0]),
+        (axes(Axis::Z, Axis::X, Axis::Y), [3.0, 1.0, 2.0]),
+    ] {
+        assert_eq!(decode(axes), Vector3::from(expected));
+    }
+}
+
+#[test]
 fn a_wrong_table_is_refused() {
     let good = triad([0, 2, 4], Word::I16Be, 1.0, Axes::RFU);
     let refuse = |gyro, accel, ready, command, error| {
