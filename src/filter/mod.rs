@@ -14,9 +14,9 @@ pub use settings::{Prior, Settings, MAX_STEP};
 
 use crate::covariance::{Covariance15, Observation, Rows};
 use crate::error::Error;
-use crate::error_model::{block_transition, Environment, Interval, Scaling, N};
+use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N};
 use crate::imu::ImuIncrement;
-use crate::linalg::{Real, Two};
+use crate::linalg::{BlockTransition, Real, Two};
 use crate::measurement::{Jacobian, Linearized};
 use crate::nav::NavState;
 use nalgebra::{SMatrix, SVector};
@@ -144,13 +144,14 @@ impl Filter {
         while total > f32::from(parts) * (1.5 * MAX_STEP) && parts < u8::MAX {
             parts += 1;
         }
-        let share = 1.0 / f32::from(parts);
-        let part = Interval {
-            c_dt: self.interval.c_dt * share,
-            f_dt: self.interval.f_dt * share,
-            dt: total * share,
-        };
-        let transition = block_transition(&environment, &part, &self.scaling);
+        if parts > 1 {
+            let share = 1.0 / f32::from(parts);
+            self.interval.c_dt *= share;
+            self.interval.f_dt *= share;
+            self.interval.dt *= share;
+        }
+        let mut transition = BlockTransition::identity();
+        block_transition_into(&environment, &self.interval, &self.scaling, &mut transition);
         for _ in 0..parts {
             self.covariance.propagate_blocks(&transition);
         }
@@ -159,10 +160,12 @@ impl Filter {
 
     /// Uses one measurement of M rows: gates it, corrects the nominal state, and reports what happened.
     ///
-    /// Rows beyond their gate are reported and not used. Errors: [`Error::NonFinite`] and [`Error::OutOfRange`] for a
-    /// measurement that cannot be or a correction that the nominal state does not accept; [`Error::InnovationVariance`] and [`Error::Variance`] when the
-    /// covariance itself is broken, which a reset must answer: estimate and covariance are then those of the present,
-    /// without this measurement.
+    /// Rows beyond their gate are reported and not used.
+    ///
+    /// Errors: [`Error::NonFinite`] and [`Error::OutOfRange`] for a measurement that cannot be, the filter then bit for
+    /// bit as it was. [`Error::OutOfRange`] and [`Error::Polar`] for a correction that the nominal state does not accept,
+    /// [`Error::InnovationVariance`] and [`Error::Variance`] when the covariance itself is broken, which a reset must
+    /// answer: estimate and covariance are then those of the present, without this measurement.
     pub fn update<const M: usize>(
         &mut self,
         measurement: &Linearized<M>,
