@@ -253,7 +253,7 @@ impl Chart {
                 style.clone(),
             ))
             .map_err(drop)?;
-            right -= (series.label.chars().count() as i32 * 6 + 4) * fine;
+            right -= (series.label.chars().count() as i32 * 5 + 8) * fine;
             let stroke = ShapeStyle::from(color(series.color)).stroke_width(FINE * 2);
             root.draw(&PathElement::new(
                 [(right - 16 * fine, middle), (right, middle)],
