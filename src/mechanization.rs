@@ -25,7 +25,11 @@ pub struct Step {
     pub dt: f32,
 }
 
-/// Attitude, velocity and position, each component in two words.
+/// Attitude, velocity and position, each component in two words, for reading. [`crate::nav::NavState`] owns one, and
+/// [`crate::nav::NavState::correct`] changes it.
+///
+/// What a step costs stands in `BENCHMARKS.md` (`cargo xtask bench`). Every eighth step renews the slow values and costs
+/// a third more; the correction of the length of q falls on another one, every 64th.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Strapdown {
@@ -105,12 +109,13 @@ impl Strapdown {
     ///
     /// # Errors
     /// If the state to start from is beyond 80° of latitude, [`Error::Polar`], or beyond the heights and speeds that are
-    /// accepted, [`Error::OutOfRange`]: it stays as it is. The step across such a limit is still made, the next is not.
+    /// accepted, [`Error::OutOfRange`]: it stays as it is. This is looked at with every renewal of the slow values, so
+    /// that the sample across such a limit is still taken, and up to seven more; then none.
     #[inline(always)]
     pub fn step(&mut self, motion: &Motion) -> Result<Step, Error> {
-        self.inside()?;
         let dt = motion.dt;
         if self.count.is_multiple_of(SLOW) {
+            self.inside()?;
             self.renew(dt);
         }
         if self.count % LENGTH == SLOW / 2 {
@@ -248,17 +253,14 @@ impl Strapdown {
         };
     }
 
-    /// Pulls the quaternion back to unit length. The excess of |q|² over 1 is found in two words (products split after
-    /// Veltkamp, since a fused multiplication is not available to every core).
+    /// Pulls the quaternion back to unit length.
     #[inline(never)]
     fn normalize(&mut self) {
-        let [w, x, y, z] = &self.q;
-        let (hi, lo) = add_square((-1.0, 0.0), w);
-        let (hi, lo) = add_square((hi, lo), x);
-        let (hi, lo) = add_square((hi, lo), y);
-        let (hi, lo) = add_square((hi, lo), z);
-        let k = -0.5 * (hi + lo);
         let [w, x, y, z] = &mut self.q;
+        let ((w1, w2), (x1, x2)) = (square(w), square(x));
+        let ((y1, y2), (z1, z2)) = (square(y), square(z));
+        let excess = (((w1 + x1) + (y1 + z1)) - 1.0) + ((w2 + x2) + (y2 + z2));
+        let k = -0.5 * excess;
         w.add(k * w.hi);
         x.add(k * x.hi);
         y.add(k * y.hi);
@@ -266,27 +268,21 @@ impl Strapdown {
     }
 }
 
+/// w² in two parts: the square of w to the nearest 2⁻¹¹, which has 22 bits and whose sums are exact, and what is missing,
+/// to 2e-11.
+#[inline(always)]
+fn square(w: &Two) -> (f32, f32) {
+    const LAST_PLACE: f32 = 6144.0; // 1.5·2¹²: its last place is 2⁻¹¹
+    let head = (w.hi + LAST_PLACE) - LAST_PLACE;
+    let tail = (w.hi - head) + w.lo;
+    (head * head, (head + head + tail) * tail)
+}
+
 /// Adds `large` to `w.hi + lo` and returns the high word.
 #[inline(always)]
 fn add(w: &mut Two, lo: f32, large: f32) -> f32 {
     (w.hi, w.lo) = two_add(w.hi, lo, large);
     w.hi
-}
-
-/// (hi, lo) + w², to about twice the precision of f32.
-#[inline(always)]
-fn add_square((hi, lo): (f32, f32), w: &Two) -> (f32, f32) {
-    let split = w.hi * 4097.0; // 2¹² + 1
-    let head = split - (split - w.hi);
-    let tail = w.hi - head;
-    let p = w.hi * w.hi;
-    let error = ((head * head - p) + 2.0 * head * tail) + tail * tail;
-    let sum = hi + p;
-    let part = sum - hi;
-    (
-        sum,
-        lo + ((hi - (sum - part)) + (p - part)) + error + 2.0 * w.hi * w.lo,
-    )
 }
 
 /// A longitude just beyond ±π, less one turn.
