@@ -166,6 +166,9 @@ fn errors<T: Real>() {
     };
     let mut collected = Interval::<T>::empty();
     collected.add(&matrix(), &matrix(), number());
+    let mut place = any(BlockTransition::identity());
+    error_model::block_transition_into(&environment, &any(collected), &scaling, &mut place);
+    keep(place);
     keep(error_model::block_transition(
         &environment,
         &any(collected),

@@ -72,7 +72,11 @@ fn docs(report: &mut Report) {
         );
         let output = shell::output(&mut cargo, None)?;
         if !output.status.success() {
-            bail!("{}", output.stderr);
+            let errors = output
+                .stderr
+                .split("\n\n")
+                .filter(|block| block.starts_with("error"));
+            bail!("{}", errors.collect::<Vec<_>>().join("\n\n"));
         }
         let broken: Vec<&str> = broken_links(&output.stderr).collect();
         if !broken.is_empty() {
