@@ -27,7 +27,10 @@ pub fn run(json: bool, accept: bool) -> Result<ExitCode> {
     if accept {
         budgets::write(&toolchain, &rows)?;
     }
-    table::write(&toolchain, &rows)?;
+    // The table is that of the compiler the budgets hold for; another one's numbers are only printed.
+    if budgets::read()?.compiler == toolchain.release {
+        table::write(&toolchain, &rows)?;
+    }
     Ok(match exceeded(&toolchain, &rows) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
