@@ -6,10 +6,14 @@
 //! | `general` | [`Covariance::propagate`]: any N, any dense A = Φ − I |
 //! | `structured` | [`Covariance15::propagate_blocks`]: the 15-state pattern of [`crate::linalg::BlockTransition`], spelled out |
 //! | `update` | [`Covariance::update`]: M rows in one sweep, each with its gate |
+//! | `swift` | how that is done when no variance collapses: one word per product, spelled out for 15 states |
+//! | `careful` | how it is done when one does, and for any other N: double words |
 
+mod careful;
 mod general;
 mod packed;
 mod structured;
+mod swift;
 mod update;
 
 pub use packed::{Covariance, Covariance15};

@@ -1,7 +1,7 @@
 //! The packed triangle: how a covariance is stored, made and read.
 
 use crate::error::Error;
-use crate::linalg::{two_add, Real};
+use crate::linalg::Real;
 use nalgebra::SMatrix;
 
 /// Position of element (i, j), i ≤ j, in the packed upper triangle, column after column.
@@ -146,20 +146,6 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         self.diagonal()
             .iter()
             .position(|p| !(p.finite() && *p > T::zero()))
-    }
-
-    /// Adds `d` to the stored element at packed position `k`, compensated.
-    #[inline(always)]
-    pub(super) fn add(&mut self, k: usize, d: T) {
-        if let (Some(hi), Some(lo)) = (self.hi.get_mut(k), self.lo.get_mut(k)) {
-            (*hi, *lo) = two_add(*hi, *lo, d);
-        }
-    }
-
-    /// Column j of the symmetric matrix (high words).
-    #[inline(always)]
-    pub(super) fn column(&self, j: usize) -> [T; N] {
-        column(&self.hi, j)
     }
 }
 

@@ -127,123 +127,92 @@ impl<T: Real> Covariance15<T> {
         });
     }
 
-    /// As [`Covariance15::propagate`], for a transition of the pattern of [`BlockTransition`].
-    pub fn propagate_blocks(&mut self, t: &BlockTransition<T>) {
-        // rows 1 of B = A P, before anything is written
-        let (b10, b11, b12, b13, b14) = {
-            let p = &self.hi;
-            let (p22, p24, p44) = (
-                block::<T, 2, 2>(p),
-                block::<T, 2, 4>(p),
-                block::<T, 4, 4>(p),
-            );
-            let p42 = transposed(&p24);
-            // Blocks 2 and 4 all but cancel here once they have been told apart, so these two products also read what
-            // the high words could not hold.
-            let b12 = {
-                let l = &self.lo;
-                let x = full(&hollow0(&t.a12, &p22), &t.a14, &p42);
-                let x = full(
-                    &hollow(&x, &t.a12, &block::<T, 2, 2>(l)),
-                    &t.a14,
-                    &block::<T, 4, 2>(l),
-                );
-                let p12 = block::<T, 1, 2>(p);
-                diagonal(&hollow(&x, &t.a11, &p12), &t.a10, &block::<T, 0, 2>(p))
-            };
-            let b14 = {
-                let l = &self.lo;
-                let x = full(&hollow0(&t.a12, &p24), &t.a14, &p44);
-                let x = full(
-                    &hollow(&x, &t.a12, &block::<T, 2, 4>(l)),
-                    &t.a14,
-                    &block::<T, 4, 4>(l),
-                );
-                let p14 = block::<T, 1, 4>(p);
-                diagonal(&hollow(&x, &t.a11, &p14), &t.a10, &block::<T, 0, 4>(p))
-            };
-            let b13 = {
-                let x = hollow0(&t.a12, &block::<T, 2, 3>(p));
-                let x = full(&x, &t.a14, &block::<T, 4, 3>(p));
-                let x = hollow(&x, &t.a11, &block::<T, 1, 3>(p));
-                diagonal(&x, &t.a10, &block::<T, 0, 3>(p))
-            };
-            let b11 = {
-                let x = hollow0(&t.a12, &block::<T, 2, 1>(p));
-                let x = full(&x, &t.a14, &block::<T, 4, 1>(p));
-                let x = hollow(&x, &t.a11, &block::<T, 1, 1>(p));
-                diagonal(&x, &t.a10, &block::<T, 0, 1>(p))
-            };
-            let b10 = {
-                let x = hollow0(&t.a12, &block::<T, 2, 0>(p));
-                let x = full(&x, &t.a14, &block::<T, 4, 0>(p));
-                let x = hollow(&x, &t.a11, &block::<T, 1, 0>(p));
-                diagonal(&x, &t.a10, &block::<T, 0, 0>(p))
-            };
-            (b10, b11, b12, b13, b14)
-        };
-        self.rows_0(t, &b10);
-        self.rows_1(t, &b10, &b11, &b12, &b13, &b14);
-        self.rows_2(t);
-        self.rows_3_4(t);
+    /// Block (A, B) in two words that are cut elsewhere than those in store: the first differs from the high word by up
+    /// to an eighth, as the low word has it, and the second holds all that is left.
+    ///
+    /// A covariance that stands still for thousands of steps gives every product the same rounding error, and the
+    /// errors of a row add up to a drift. Cut by the low word, which moves with every addition, they scatter and
+    /// average out. Exact for f32: h + l is the stored sum but for the rounding of l.
+    #[inline(always)]
+    fn recut<const A: usize, const B: usize>(&self) -> (Block<T>, Block<T>) {
+        let (p, low) = (block::<T, A, B>(&self.hi), block::<T, A, B>(&self.lo));
+        let h = nine!(I, J => p[I][J] + low[I][J] * T::CUT);
+        let l = nine!(I, J => (p[I][J] - h[I][J]) + low[I][J]);
+        (h, l)
     }
 
-    #[inline(always)]
-    fn rows_0(&mut self, t: &BlockTransition<T>, b10: &Block<T>) {
-        let p = &self.hi;
-        let (p00, p01, p02, p03, p04) = (
-            block::<T, 0, 0>(p),
-            block::<T, 0, 1>(p),
-            block::<T, 0, 2>(p),
-            block::<T, 0, 3>(p),
-            block::<T, 0, 4>(p),
-        );
-        let b00 = diagonal(&hollow0(&t.a00, &p00), &t.a01, &transposed(&p01));
-        let b01 = diagonal(&hollow0(&t.a00, &p01), &t.a01, &block::<T, 1, 1>(p));
-        let b02 = diagonal(&hollow0(&t.a00, &p02), &t.a01, &block::<T, 1, 2>(p));
-        let b03 = diagonal(&hollow0(&t.a00, &p03), &t.a01, &block::<T, 1, 3>(p));
-        let b04 = diagonal(&hollow0(&t.a00, &p04), &t.a01, &block::<T, 1, 4>(p));
-
+    /// As [`Covariance15::propagate`], for a transition of the pattern of [`BlockTransition`].
+    pub fn propagate_blocks(&mut self, t: &BlockTransition<T>) {
+        let b12 = self.row_1::<2>(t);
+        let b14 = self.row_1::<4>(t);
+        let b11 = self.row_1::<1>(t);
+        let b10 = self.row_1::<0>(t);
+        let b03 = self.row_0::<3>(t);
+        let q03 = sum(&block::<T, 0, 3>(&self.hi), &b03);
+        let b13 = self.row_1::<3>(t);
+        self.add_block::<0, 3>(&plus_scaled(&b03, t.a33, &q03));
+        let q13 = sum(&block::<T, 1, 3>(&self.hi), &b13);
+        self.add_block::<1, 3>(&plus_scaled(&b13, t.a33, &q13));
+        let b04 = self.row_0::<4>(t);
+        let q04 = sum(&block::<T, 0, 4>(&self.hi), &b04);
+        self.add_block::<0, 4>(&plus_scaled(&b04, t.a44, &q04));
+        let q14 = sum(&block::<T, 1, 4>(&self.hi), &b14);
+        self.add_block::<1, 4>(&plus_scaled(&b14, t.a44, &q14));
+        let b02 = self.row_0::<2>(t);
+        let q02 = sum(&block::<T, 0, 2>(&self.hi), &b02);
+        let d = times_hollow(&b02, &q02, &t.a22);
+        self.add_block::<0, 2>(&times_full(&d, &q03, &t.a23));
+        let q12 = sum(&block::<T, 1, 2>(&self.hi), &b12);
+        let d = times_hollow(&b12, &q12, &t.a22);
+        self.add_block::<1, 2>(&times_full(&d, &q13, &t.a23));
+        let b00 = self.row_0::<0>(t);
+        let b01 = self.row_0::<1>(t);
         let d = sum(&b00, &transposed(&b00));
         self.add_block::<0, 0>(&times_diagonal(
             &times_hollow(&d, &b00, &t.a00),
             &b01,
             &t.a01,
         ));
-        let d = times_diagonal(&sum(&b01, &transposed(b10)), &b00, &t.a10);
+        let d = times_diagonal(&sum(&b01, &transposed(&b10)), &b00, &t.a10);
         let d = times_hollow(&times_hollow(&d, &b01, &t.a11), &b02, &t.a12);
         self.add_block::<0, 1>(&times_full(&d, &b04, &t.a14));
-        let q03 = sum(&p03, &b03);
-        let d = times_hollow(&b02, &sum(&p02, &b02), &t.a22);
-        self.add_block::<0, 2>(&times_full(&d, &q03, &t.a23));
-        self.add_block::<0, 3>(&plus_scaled(&b03, t.a33, &q03));
-        self.add_block::<0, 4>(&plus_scaled(&b04, t.a44, &sum(&p04, &b04)));
+        let d = times_diagonal(&sum(&b11, &transposed(&b11)), &b10, &t.a10);
+        let d = times_hollow(&times_hollow(&d, &b11, &t.a11), &b12, &t.a12);
+        let mut d = times_full(&d, &b14, &t.a14);
+        noise::<T, 0>(&mut d, &t.q);
+        self.add_block::<1, 1>(&d);
+        self.rows_2(t);
+        self.rows_3_4(t);
     }
 
     #[inline(always)]
-    fn rows_1(
-        &mut self,
-        t: &BlockTransition<T>,
-        b10: &Block<T>,
-        b11: &Block<T>,
-        b12: &Block<T>,
-        b13: &Block<T>,
-        b14: &Block<T>,
-    ) {
-        let d = times_diagonal(&sum(b11, &transposed(b11)), b10, &t.a10);
-        let d = times_hollow(&times_hollow(&d, b11, &t.a11), b12, &t.a12);
-        let mut d = times_full(&d, b14, &t.a14);
-        noise::<T, 0>(&mut d, &t.q);
-        self.add_block::<1, 1>(&d);
-        let q13 = sum(&block::<T, 1, 3>(&self.hi), b13);
-        let q12 = sum(&block::<T, 1, 2>(&self.hi), b12);
-        let d = times_hollow(b12, &q12, &t.a22);
-        self.add_block::<1, 2>(&times_full(&d, &q13, &t.a23));
-        self.add_block::<1, 3>(&plus_scaled(b13, t.a33, &q13));
-        let q14 = sum(&block::<T, 1, 4>(&self.hi), b14);
-        self.add_block::<1, 4>(&plus_scaled(b14, t.a44, &q14));
+    fn row_0<const B: usize>(&self, t: &BlockTransition<T>) -> Block<T> {
+        let p = &self.hi;
+        diagonal(
+            &hollow0(&t.a00, &block::<T, 0, B>(p)),
+            &t.a01,
+            &block::<T, 1, B>(p),
+        )
     }
-
+    #[inline(always)]
+    fn row_1<const B: usize>(&self, t: &BlockTransition<T>) -> Block<T> {
+        let p = &self.hi;
+        let x;
+        if B == 2 || B == 4 {
+            let (h2, l2) = self.recut::<2, B>();
+            let (h4, l4) = self.recut::<4, B>();
+            let y = full(&hollow0(&t.a12, &h2), &t.a14, &h4);
+            x = full(&hollow(&y, &t.a12, &l2), &t.a14, &l4);
+        } else {
+            x = full(
+                &hollow0(&t.a12, &block::<T, 2, B>(p)),
+                &t.a14,
+                &block::<T, 4, B>(p),
+            );
+        }
+        let x = hollow(&x, &t.a11, &block::<T, 1, B>(p));
+        diagonal(&x, &t.a10, &block::<T, 0, B>(p))
+    }
     #[inline(always)]
     fn rows_2(&mut self, t: &BlockTransition<T>) {
         let p = &self.hi;

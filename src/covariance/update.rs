@@ -1,9 +1,9 @@
-//! The measurement update: M rows in one sweep over the triangle.
-#![allow(clippy::needless_range_loop)] // small matrices, read as in the equations
+//! The measurement update: M rows, each with its gate, refused as a whole or done.
 
-use super::packed::{upper, Covariance};
+use super::careful::{Lines, Outcome, Panel, Pattern};
+use super::packed::Covariance;
 use crate::error::Error;
-use crate::linalg::{two_add, Real};
+use crate::linalg::{Pair, Real};
 use nalgebra::SMatrix;
 
 /// What M rows measure, as the derivative of the innovation by the state error.
@@ -56,16 +56,6 @@ pub struct Update<T, const M: usize, const N: usize> {
     pub p_after: [T; N],
 }
 
-/// The rows reduced to sequential ones: row m of the panel is uncorrelated with the rows before it.
-struct Sequence<T, const M: usize> {
-    /// l[m][k], k < m: how much of row k is in row m.
-    l: [[T; M]; M],
-    /// 1/s of each row given those before; 0 for a row that was gated out.
-    inverse: [T; M],
-    /// Innovation of each row given those before, over its s.
-    gain: [T; M],
-}
-
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Takes in M rows: K = P Hᵀ S⁻¹, δx = K ν, P ← P − K S Kᵀ, the rows one after the other in exact sequence, the
     /// triangle swept once.
@@ -78,6 +68,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// * [`Error::Variance`] — a variance would not be finite and positive afterwards
     ///
     /// After any of these the covariance is bit-identical to what it was.
+    #[inline(always)]
     pub fn update<const M: usize>(
         &mut self,
         rows: &Rows<T, M, N>,
@@ -90,177 +81,88 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     ///
     /// # Errors
     /// Those of [`Covariance::update`] and of `accept`.
+    #[inline(always)] // so that the outcome is built where the caller wants it, not copied there
     pub fn update_if<const M: usize>(
         &mut self,
         rows: &Rows<T, M, N>,
-        accept: impl FnOnce(&[T; N]) -> Result<(), Error>,
+        mut accept: impl FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<Update<T, M, N>, Error> {
         const { Self::SIZE };
-        check(rows)?;
-        // c[m] = P h_mᵀ (its negative for direct rows, whose innovation then changes sign as well), g = H P Hᵀ
-        let mut c = [[T::zero(); N]; M];
-        let mut g = [[T::zero(); M]; M];
-        let mut nu = rows.nu;
-        match &rows.h {
-            Observation::Direct { first } => {
-                for (m, (c, g)) in c.iter_mut().zip(&mut g).enumerate() {
-                    *c = self.column(first + m);
-                    for (g, x) in g.iter_mut().zip(c.iter().skip(*first)) {
-                        *g = *x;
-                    }
-                }
-                nu = nu.map(|x| -x);
-            }
-            Observation::Dense(h) => {
-                for (m, (c, g)) in c.iter_mut().zip(&mut g).enumerate() {
-                    for (j, x) in h.row(m).iter().enumerate() {
-                        if *x != T::zero() {
-                            for (c, p) in c.iter_mut().zip(self.column(j)) {
-                                *c += *x * p;
-                            }
-                        }
-                    }
-                    for (g, h) in g.iter_mut().zip(h.row_iter()) {
-                        for (h, c) in h.iter().zip(c.iter()) {
-                            *g += *h * *c;
-                        }
-                    }
-                }
-            }
-        }
-        let mut u = Update {
+        const { assert!(M > 0, "an update has rows") };
+        // Any numbers: all of them are written before they are seen, and zeros would be a loop.
+        let blank = self
+            .hi
+            .first_chunk::<N>()
+            .copied()
+            .unwrap_or([T::zero(); N]);
+        let mut out = Update {
             nu: rows.nu,
-            s: [T::zero(); M],
+            s: rows.r,
             nis: T::zero(),
-            row_nis: [T::zero(); M],
+            row_nis: rows.r,
             accepted: [false; M],
-            dx: [T::zero(); N],
-            decrease: [T::zero(); N],
-            p_before: [T::zero(); N],
-            p_after: [T::zero(); N],
+            dx: blank,
+            decrease: blank,
+            p_before: blank,
+            p_after: blank,
         };
-        let q = sequence(&g, &nu, rows, &mut u)?;
-        // panel of the sequential rows
-        for m in 1..M {
-            for k in 0..m {
-                let l = q.l[m][k];
-                for i in 0..N {
-                    c[m][i] -= l * c[k][i];
-                }
-            }
+        if !self.update_swiftly(rows, &mut out, &mut accept)? {
+            self.carefully(rows, &mut out, &mut accept)?;
         }
-        // variances and correction first: they decide whether the rest happens
-        for j in 0..N {
-            let mut d = T::zero();
-            let mut x = T::zero();
-            for m in 0..M {
-                d += c[m][j] * (c[m][j] * q.inverse[m]);
-                x += c[m][j] * q.gain[m];
-            }
-            let (Some(hi), Some(lo)) = (self.hi.get(upper(j, j)), self.lo.get(upper(j, j))) else {
-                continue;
-            };
-            u.dx[j] = x;
-            u.decrease[j] = d;
-            u.p_before[j] = *hi;
-            u.p_after[j] = two_add(*hi, *lo, -d).0;
-            // a state known exactly stays so: 0 − 0
-            let known = *hi == T::zero() && d == T::zero();
-            if !((u.p_after[j] > T::zero() && u.p_after[j].finite()) || known) {
-                return Err(Error::Variance { state: j as u8 });
-            }
-        }
-        accept(&u.dx)?;
-        if u.accepted.iter().any(|a| *a) {
-            self.sweep(&c, &q.inverse);
-        }
-        Ok(u)
+        Ok(out)
     }
 
-    /// P ← P − Σ c cᵀ/s.
-    fn sweep<const M: usize>(&mut self, c: &[[T; N]; M], inverse: &[T; M]) {
-        for j in 0..N {
-            for i in 0..=j {
-                let mut d = T::zero();
-                for m in 0..M {
-                    d += c[m][i] * (c[m][j] * inverse[m]);
-                }
-                self.add(upper(i, j), -d);
-            }
-        }
+    /// Room of the right size around the careful update.
+    #[cold]
+    #[inline(never)]
+    fn carefully<const M: usize>(
+        &mut self,
+        rows: &Rows<T, M, N>,
+        out: &mut Update<T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let lines = Lines {
+            nu: &rows.nu,
+            r: &rows.r,
+            gate: rows.gate,
+            h: match &rows.h {
+                Observation::Direct { first } => Pattern::Direct { first: *first },
+                Observation::Dense(h) => Pattern::Dense(h.as_slice()),
+            },
+        };
+        let mut outcome = Outcome {
+            s: &mut out.s,
+            nis: &mut out.nis,
+            row_nis: &mut out.row_nis,
+            accepted: &mut out.accepted,
+            dx: &mut out.dx,
+            decrease: &mut out.decrease,
+            p_before: &mut out.p_before,
+            p_after: &mut out.p_after,
+        };
+        let mut panel = Panel {
+            c: &mut [[Pair::zero(); N]; M],
+            inverse: &mut [Pair::zero(); M],
+            gain: &mut [Pair::zero(); M],
+            fresh: [T::zero(); N],
+        };
+        self.update_carefully(&lines, &mut outcome, &mut panel, accept)
     }
 }
 
-/// Everything that can be refused without looking at P.
-fn check<T: Real, const M: usize, const N: usize>(rows: &Rows<T, M, N>) -> Result<(), Error> {
-    if rows.nu.iter().chain(&rows.r).any(|x| !x.finite()) {
-        return Err(Error::NonFinite);
-    }
-    if rows.r.iter().any(|r| *r <= T::zero()) {
-        return Err(Error::OutOfRange);
-    }
-    match rows.gate {
-        Some(g) if !g.finite() => return Err(Error::NonFinite),
-        Some(g) if g < T::zero() => return Err(Error::OutOfRange),
-        _ => {}
-    }
-    match &rows.h {
-        Observation::Direct { first } if *first > N || *first + M > N => Err(Error::OutOfRange),
-        Observation::Dense(h) if h.iter().any(|x| !x.finite()) => Err(Error::NonFinite),
-        _ => Ok(()),
-    }
-}
+/// Limit on a row's ν²/s.
+pub(super) struct Gate<T>(pub Option<T>);
 
-/// Factorises H P Hᵀ + R row after row, gating each.
-#[inline(always)]
-fn sequence<T: Real, const M: usize, const N: usize>(
-    g: &[[T; M]; M],
-    nu: &[T; M],
-    rows: &Rows<T, M, N>,
-    u: &mut Update<T, M, N>,
-) -> Result<Sequence<T, M>, Error> {
-    let zero = T::zero();
-    let mut q = Sequence {
-        l: [[zero; M]; M],
-        inverse: [zero; M],
-        gain: [zero; M],
-    };
-    let mut w = [[zero; M]; M]; // w[m][k] = l[m][k] s_k
-    for m in 0..M {
-        let mut s = g[m][m] + rows.r[m];
-        let mut e = nu[m];
-        u.s[m] = s;
-        for k in 0..m {
-            s -= w[m][k] * q.l[m][k];
-            e -= w[m][k] * q.gain[k];
-        }
-        if !(s > zero && s.finite()) {
-            return Err(Error::InnovationVariance { row: m as u8 });
-        }
-        let nis = e * e / s;
-        if !nis.finite() && rows.gate.is_none() {
-            return Err(Error::OutOfRange); // nothing in P can explain it, and δx would overflow
-        }
-        u.row_nis[m] = nis;
-        u.accepted[m] = match rows.gate {
-            Some(gate) => nis <= gate,
-            None => true,
-        };
-        if u.accepted[m] {
-            u.nis += nis;
-            q.inverse[m] = T::one() / s;
-            q.gain[m] = e * q.inverse[m];
-        }
-        for n in m + 1..M {
-            let mut x = g[n][m];
-            for k in 0..m {
-                x -= w[n][k] * q.l[m][k];
-            }
-            w[n][m] = x;
-            q.l[n][m] = x * q.inverse[m];
+impl<T: Real> Gate<T> {
+    /// Whether the row may be used. Without a gate, a ν²/s that overflows is refused: nothing in P can explain it.
+    #[inline(always)]
+    pub fn passes(&self, nis: T) -> Result<bool, Error> {
+        match self.0 {
+            Some(gate) => Ok(nis <= gate),
+            None if nis.finite() => Ok(true),
+            None => Err(Error::OutOfRange),
         }
     }
-    Ok(q)
 }
 
 #[cfg(test)]

@@ -5,9 +5,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 mod blocks;
+mod pair;
 mod two;
 
 pub use blocks::BlockTransition;
+pub(crate) use pair::Pair;
 pub use two::{two_add, Two};
 
 /// The scalar of a kernel: f32 on the target, f64 for reference runs of the same code.
@@ -22,6 +24,10 @@ pub trait Real: nalgebra::RealField + Copy {
     fn finite(self) -> bool;
     /// Distance from 1 to the next larger number.
     const EPSILON: Self;
+    /// 2^⌈p/2⌉ + 1 for a mantissa of p bits: what cuts a number into two halves whose products are exact.
+    const SPLITTER: Self;
+    /// 2^(p − 3) for a mantissa of p bits: takes a rounding error of a number to an eighth of that number at most.
+    const CUT: Self;
 }
 
 impl Real for f32 {
@@ -42,6 +48,8 @@ impl Real for f32 {
         f32::is_finite(self)
     }
     const EPSILON: Self = f32::EPSILON;
+    const SPLITTER: Self = 4097.0;
+    const CUT: Self = 2_097_152.0;
 }
 
 impl Real for f64 {
@@ -62,6 +70,8 @@ impl Real for f64 {
         f64::is_finite(self)
     }
     const EPSILON: Self = f64::EPSILON;
+    const SPLITTER: Self = 134_217_729.0;
+    const CUT: Self = 1_125_899_906_842_624.0;
 }
 
 /// The matrix [v×] with `[v×] w = v × w`.

@@ -1,0 +1,314 @@
+//! The update in double words: for the few steps in which a variance collapses, and the place where a step is refused.
+//!
+//! An update that takes a quarter or less of a variance as it was leaves 2⁻²⁴ of the old one as rounding of what is
+//! subtracted, for good where no process noise flows. Here every product and sum is carried in two words instead, and
+//! the row and column of a state that is measured by itself are not subtracted at all but multiplied by r/s.
+//!
+//! Written in loops and for any number of rows at run time: it is one piece of code for all M.
+
+use super::packed::{at, Covariance};
+use super::update::Gate;
+use crate::error::Error;
+use crate::linalg::{Pair, Real};
+
+/// M rows with M known at run time.
+pub(super) struct Lines<'a, T, const N: usize> {
+    pub nu: &'a [T],
+    pub r: &'a [T],
+    pub gate: Option<T>,
+    pub h: Pattern<'a, T>,
+}
+
+pub(super) enum Pattern<'a, T> {
+    /// Row m is −1 on state `first + m`.
+    Direct { first: usize },
+    /// M × N, column after column.
+    Dense(&'a [T]),
+}
+
+/// Where the outcome goes; slices of length M.
+pub(super) struct Outcome<'a, T, const N: usize> {
+    pub s: &'a mut [T],
+    pub nis: &'a mut T,
+    pub row_nis: &'a mut [T],
+    pub accepted: &'a mut [bool],
+    pub dx: &'a mut [T; N],
+    pub decrease: &'a mut [T; N],
+    pub p_before: &'a mut [T; N],
+    pub p_after: &'a mut [T; N],
+}
+
+/// Room for the work, sized by the caller.
+pub(super) struct Panel<'a, T, const N: usize> {
+    /// P h of each row given those before it; the measured state's own entry as [`replace`] leaves it.
+    pub c: &'a mut [[Pair<T>; N]],
+    /// 1/s of each row given those before it; zero for a row that was gated out.
+    pub inverse: &'a mut [Pair<T>],
+    /// c/s of one column of the triangle.
+    pub gain: &'a mut [Pair<T>],
+    /// Variance that a measured state starts from once its row and column have been cleared; zero for the others.
+    pub fresh: [T; N],
+}
+
+impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
+    /// All of [`Covariance::update_if`] but the sizes.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn update_carefully(
+        &mut self,
+        lines: &Lines<'_, T, N>,
+        out: &mut Outcome<'_, T, N>,
+        panel: &mut Panel<'_, T, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        lines.check()?;
+        *out.dx = [T::zero(); N];
+        *out.nis = T::zero();
+        for m in 0..lines.nu.len() {
+            self.row(m, lines, out, panel)?;
+        }
+        self.check_variances(out, panel)?;
+        accept(out.dx)?;
+        self.commit(panel);
+        Ok(())
+    }
+
+    /// Forms row m given the rows before it, gates it and takes its share of δx.
+    fn row(
+        &self,
+        m: usize,
+        lines: &Lines<'_, T, N>,
+        out: &mut Outcome<'_, T, N>,
+        panel: &mut Panel<'_, T, N>,
+    ) -> Result<(), Error> {
+        let (h, nu, r) = lines.row(m);
+        let (earlier, rest) = panel.c.split_at_mut_checked(m).unwrap_or_default();
+        let (Some(c), Some(inverse)) = (rest.first_mut(), panel.inverse.get_mut(..=m)) else {
+            return Ok(());
+        };
+
+        // the row by itself
+        *c = [Pair::zero(); N];
+        self.add_product(c, &h, &[T::zero(); N]);
+        let alone = inner(&h, c).hi + r;
+        // given the rows before it
+        *c = [Pair::zero(); N];
+        self.add_product(c, &h, &panel.fresh);
+        for (c_k, inverse) in earlier.iter().zip(inverse.iter()) {
+            let l = inner(&h, c_k).mul(*inverse);
+            for (c, c_k) in c.iter_mut().zip(c_k) {
+                *c = c.sub(c_k.mul(l));
+            }
+        }
+        let s = inner(&h, c).add(Pair::of(r));
+        if !(s.hi > T::zero() && s.hi.finite() && alone.finite()) {
+            return Err(Error::InnovationVariance { row: m as u8 });
+        }
+        let one_over_s = s.reciprocal();
+        let mut e = nu;
+        for (h, x) in h.iter().zip(out.dx.iter()) {
+            e -= *h * *x;
+        }
+        let nis = e * e * one_over_s.hi;
+        let used = Gate(lines.gate).passes(nis)?;
+        if let (Some(s), Some(n), Some(a)) = (
+            out.s.get_mut(m),
+            out.row_nis.get_mut(m),
+            out.accepted.get_mut(m),
+        ) {
+            (*s, *n, *a) = (alone, nis, used);
+        }
+        let Some(inverse) = inverse.last_mut() else {
+            return Ok(());
+        };
+        if !used {
+            *inverse = Pair::zero();
+            *c = [Pair::zero(); N];
+            return Ok(());
+        }
+        *inverse = one_over_s;
+        *out.nis += nis;
+        let gain = e * one_over_s.hi;
+        for (x, c) in out.dx.iter_mut().zip(c.iter()) {
+            *x += c.hi * gain;
+        }
+        if r + r < s.hi {
+            replace(&h, r, earlier, c, &mut panel.fresh);
+        }
+        Ok(())
+    }
+
+    /// c ← c + P h, with P of cleared states diagonal.
+    fn add_product(&self, c: &mut [Pair<T>; N], h: &[T; N], fresh: &[T; N]) {
+        for (j, (h, fresh_j)) in h.iter().zip(fresh).enumerate() {
+            if *h == T::zero() {
+                continue;
+            }
+            for (i, (c, fresh_i)) in c.iter_mut().zip(fresh).enumerate() {
+                let p = self.base(i, j, *fresh_i, *fresh_j);
+                *c = c.add(p.mul(Pair::of(*h)));
+            }
+        }
+    }
+
+    /// Element (i, j) before any row, rows and columns of cleared states left out.
+    #[inline(always)]
+    fn base(&self, i: usize, j: usize, fresh_i: T, fresh_j: T) -> Pair<T> {
+        if fresh_i > T::zero() || fresh_j > T::zero() {
+            return if i == j {
+                Pair::of(fresh_j)
+            } else {
+                Pair::zero()
+            };
+        }
+        let k = at(i, j);
+        match (self.hi.get(k), self.lo.get(k)) {
+            (Some(hi), Some(lo)) => Pair { hi: *hi, lo: *lo },
+            _ => Pair::zero(),
+        }
+    }
+
+    /// Every variance after the update, all of which must be finite and positive; a state known exactly stays so.
+    fn check_variances(
+        &self,
+        out: &mut Outcome<'_, T, N>,
+        panel: &Panel<'_, T, N>,
+    ) -> Result<(), Error> {
+        let states = out.p_before.iter_mut().zip(out.p_after.iter_mut());
+        for (j, ((before, after), decrease)) in states.zip(out.decrease.iter_mut()).enumerate() {
+            let fresh = panel.fresh.get(j).copied().unwrap_or_else(T::zero);
+            let mut d = Pair::zero();
+            for (c, inverse) in panel.c.iter().zip(panel.inverse.iter()) {
+                if let Some(c) = c.get(j) {
+                    d = d.add(c.mul(c.mul(*inverse)));
+                }
+            }
+            let p = self.base(j, j, fresh, fresh).sub(d).hi;
+            (*before, *after) = (self.variance(j), p);
+            *decrease = if fresh > T::zero() { *before - p } else { d.hi };
+            let known = *before == T::zero() && d.hi == T::zero();
+            if !(p > T::zero() && p.finite() || known) {
+                return Err(Error::Variance { state: j as u8 });
+            }
+        }
+        Ok(())
+    }
+
+    /// P ← P − Σ c cᵀ/s.
+    fn commit(&mut self, panel: &mut Panel<'_, T, N>) {
+        let mut k = 0;
+        for (j, fresh_j) in panel.fresh.iter().enumerate() {
+            for ((g, c), inverse) in panel
+                .gain
+                .iter_mut()
+                .zip(panel.c.iter())
+                .zip(panel.inverse.iter())
+            {
+                *g = c.get(j).map_or_else(Pair::zero, |c| c.mul(*inverse));
+            }
+            for (i, fresh_i) in panel.fresh.iter().enumerate().take(j + 1) {
+                let mut p = self.base(i, j, *fresh_i, *fresh_j);
+                for (g, c) in panel.gain.iter().zip(panel.c.iter()) {
+                    if let Some(c) = c.get(i) {
+                        p = p.sub(c.mul(*g));
+                    }
+                }
+                if let (Some(hi), Some(lo)) = (self.hi.get_mut(k), self.lo.get_mut(k)) {
+                    (*hi, *lo) = (p.hi, p.lo);
+                }
+                k += 1;
+            }
+        }
+    }
+}
+
+impl<T: Real, const N: usize> Lines<'_, T, N> {
+    /// Everything that can be refused without looking at P.
+    fn check(&self) -> Result<(), Error> {
+        let finite = |x: &[T]| x.iter().all(|x| x.finite());
+        let gate = self.gate.unwrap_or_else(T::zero);
+        let rows = self.nu.len();
+        match self.h {
+            Pattern::Dense(h) if !finite(h) => return Err(Error::NonFinite),
+            Pattern::Direct { first } if first > N || rows > N - first => {
+                return Err(Error::OutOfRange)
+            }
+            _ => {}
+        }
+        if !(finite(self.nu) && finite(self.r) && gate.finite()) {
+            return Err(Error::NonFinite);
+        }
+        if gate < T::zero() || self.r.iter().any(|r| *r <= T::zero()) {
+            return Err(Error::OutOfRange);
+        }
+        Ok(())
+    }
+
+    /// h, ν and r of row m. The sign of a direct row is turned, and that of its innovation with it: nothing changes.
+    fn row(&self, m: usize) -> ([T; N], T, T) {
+        let mut row = [T::zero(); N];
+        let get = |x: &[T]| x.get(m).copied().unwrap_or_else(T::zero);
+        let (nu, r) = (get(self.nu), get(self.r));
+        match self.h {
+            Pattern::Direct { first } => {
+                if let Some(x) = row.get_mut(first + m) {
+                    *x = T::one();
+                }
+                (row, -nu, r)
+            }
+            Pattern::Dense(h) => {
+                let columns = h.chunks_exact(self.nu.len().max(1));
+                for (x, column) in row.iter_mut().zip(columns) {
+                    *x = get(column);
+                }
+                (row, nu, r)
+            }
+        }
+    }
+}
+
+/// hᵀ c
+fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N]) -> Pair<T> {
+    let mut sum = Pair::zero();
+    for (h, c) in h.iter().zip(c) {
+        if *h != T::zero() {
+            sum = sum.add(c.mul(Pair::of(*h)));
+        }
+    }
+    sum
+}
+
+/// For a row h that measures one state alone, x h: writes the update of that state's row and column as a product.
+///
+/// ```text
+/// P⁺ₖᵢ = Pₖᵢ − Pₖₖ x² Pₖᵢ/s = Pₖᵢ r/s        with s = x² Pₖₖ + r
+/// ```
+///
+/// The sweep P − Σ c cᵀ/s gives just that when row and column k of P are cleared, its variance is set to r/x², cₖ of
+/// this row is set to −r/x and cₖ of the rows before it to zero. Nothing is subtracted from Pₖₖ then, and what is
+/// subtracted from r/x² is less than half of it. Later rows go on from there like from any other P.
+fn replace<T: Real, const N: usize>(
+    h: &[T; N],
+    r: T,
+    earlier: &mut [[Pair<T>; N]],
+    c: &mut [Pair<T>; N],
+    fresh: &mut [T; N],
+) {
+    let mut measured = h.iter().enumerate().filter(|(_, x)| **x != T::zero());
+    let (Some((k, x)), None) = (measured.next(), measured.next()) else {
+        return;
+    };
+    let root = r / *x;
+    let variance = root / *x;
+    if !(variance > T::zero() && variance.finite()) {
+        return;
+    }
+    if let (Some(c), Some(fresh)) = (c.get_mut(k), fresh.get_mut(k)) {
+        // r/x in one word: P̃ₖₖ and cₖ only have to agree with each other
+        *c = Pair::of(-root);
+        *fresh = variance;
+    }
+    for c in earlier.iter_mut().filter_map(|c| c.get_mut(k)) {
+        *c = Pair::zero();
+    }
+}
