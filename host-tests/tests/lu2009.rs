@@ -265,7 +265,6 @@ fn largest_terms(config: &Config, step: &twin::Step) -> [f64; N] {
 }
 
 #[test]
-#[ignore = "needs the measured row and column to be updated by R/S"]
 fn f32_is_within_a_tenth_of_a_percent() {
     let mut worst = [0.0f64; 3];
     for r in runs(EXACT) {
