@@ -197,19 +197,18 @@ impl<T: Real> Covariance15<T> {
     #[inline(always)]
     fn row_1<const B: usize>(&self, t: &BlockTransition<T>) -> Block<T> {
         let p = &self.hi;
-        let x;
-        if B == 2 || B == 4 {
+        let x = if B == 2 || B == 4 {
             let (h2, l2) = self.recut::<2, B>();
             let (h4, l4) = self.recut::<4, B>();
             let y = full(&hollow0(&t.a12, &h2), &t.a14, &h4);
-            x = full(&hollow(&y, &t.a12, &l2), &t.a14, &l4);
+            full(&hollow(&y, &t.a12, &l2), &t.a14, &l4)
         } else {
-            x = full(
+            full(
                 &hollow0(&t.a12, &block::<T, 2, B>(p)),
                 &t.a14,
                 &block::<T, 4, B>(p),
-            );
-        }
+            )
+        };
         let x = hollow(&x, &t.a11, &block::<T, 1, B>(p));
         diagonal(&x, &t.a10, &block::<T, 0, B>(p))
     }

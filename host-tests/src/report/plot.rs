@@ -1,6 +1,6 @@
 //! Line charts as SVG text.
 //!
-//! The drawing library places everything on whole pixels, so a chart is drawn [`FINE`] times larger than it is shown
+//! The drawing library places everything on whole pixels, so a chart is drawn `FINE` times larger than it is shown
 //! and scaled down by its view box.
 
 use std::ops::Range;
