@@ -10,12 +10,16 @@ use std::process::{ExitCode, Stdio};
 
 use anyhow::{Context, Result};
 
-use crate::bench::{Firmware, FIRMWARES};
+use crate::bench::{grouped, is_recorded, record, Firmware, FIRMWARES};
 use crate::packages::{self, NM};
+use crate::qemu::Build;
 use crate::shell;
 use crate::toolchain::{self, target_dir};
 
-/// Measures and prints both tables.
+/// The program whose flash is looked at: a whole navigator that aligns itself and prints its ξ and η.
+const PROGRAM: &str = "two_position";
+
+/// Measures both tables, prints them and records them in BENCHMARKS.md.
 pub fn run() -> Result<ExitCode> {
     packages::ready(&[NM])?;
     let toolchain = toolchain::ready()?;
@@ -25,29 +29,42 @@ pub fn run() -> Result<ExitCode> {
         .collect();
     let mut flash: BTreeMap<String, Vec<u64>> = BTreeMap::new();
     for (column, build) in plain.iter().enumerate() {
-        for (group, bytes) in attribute(&build.elf(&toolchain)?)? {
+        let program = Build {
+            profile: build.profile,
+            ..Build::plain(PROGRAM)
+        };
+        for (group, bytes) in attribute(&program.elf(&toolchain)?)? {
             flash.entry(group).or_insert_with(|| vec![0; plain.len()])[column] += bytes;
         }
     }
-    let columns: Vec<String> = plain
-        .iter()
-        .map(|build| format!("opt {}", build.opt))
-        .collect();
-    println!("Flash of the bench firmware by source [bytes]\n");
-    println!("| source | {} |", columns.join(" | "));
-    println!("|---|{}", "---|".repeat(plain.len()));
-    let (mut own, mut foreign): (Vec<_>, Vec<_>) = flash
+    let (mut rows, mut foreign): (Vec<_>, Vec<_>) = flash
         .into_iter()
         .partition(|(name, _)| name.starts_with("src/"));
     foreign.sort_by_key(|(_, bytes)| std::cmp::Reverse(bytes[0]));
-    own.append(&mut foreign);
-    for (name, bytes) in own {
-        let cells: Vec<String> = bytes.iter().map(u64::to_string).collect();
-        println!("| {name} | {} |", cells.join(" | "));
+    let sum = |rows: &[(String, Vec<u64>)]| -> Vec<u64> {
+        let column = |column: usize| rows.iter().map(|(_, bytes)| bytes[column]).sum();
+        (0..plain.len()).map(column).collect()
+    };
+    let library = sum(&rows);
+    rows.push(("**the library**".to_owned(), library));
+    rows.append(&mut foreign);
+
+    let mut text = format!("Flash of `examples/{PROGRAM}.rs` by source [bytes]:\n\n| source |");
+    for build in &plain {
+        text += &format!(" opt {} |", build.opt);
     }
-    println!("\nRAM of each state [bytes]\n\n| state | bytes |\n|---|---|");
+    text += &format!("\n|---|{}", "---|".repeat(plain.len()));
+    for (name, bytes) in rows {
+        let cells: Vec<String> = bytes.into_iter().map(grouped).collect();
+        text += &format!("\n| {name} | {} |", cells.join(" | "));
+    }
+    text += "\n\nRAM of each state [bytes]:\n\n| state | bytes |\n|---|---|";
     for (name, bytes) in plain[0].ram(&toolchain)? {
-        println!("| {name} | {bytes} |");
+        text += &format!("\n| `{name}` | {} |", grouped(bytes));
+    }
+    println!("{text}");
+    if is_recorded(&toolchain)? {
+        record("size", &text)?;
     }
     Ok(ExitCode::SUCCESS)
 }

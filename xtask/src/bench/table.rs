@@ -9,9 +9,6 @@ use super::measure::{Row, CORE, FIRMWARES, PLAIN};
 use crate::toolchain::Toolchain;
 use crate::{qemu, shell};
 
-const BEGIN: &str = "<!-- written by `cargo xtask bench`: begin -->\n";
-const END: &str = "<!-- written by `cargo xtask bench`: end -->\n";
-
 /// The table as Markdown: a row per piece of work, a column per build.
 pub fn text(rows: &[Row]) -> String {
     let mut text = String::from("| work | scalar |");
@@ -65,16 +62,8 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// Replaces the measured part of BENCHMARKS.md.
+/// Records the counts in BENCHMARKS.md.
 pub fn write(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
-    let file = shell::root().join("BENCHMARKS.md");
-    let old = fs::read_to_string(&file)?;
-    let (before, rest) = old
-        .split_once(BEGIN)
-        .context("the first mark in BENCHMARKS.md")?;
-    let (_, after) = rest
-        .split_once(END)
-        .context("the last mark in BENCHMARKS.md")?;
     let set_up = format!(
         "rustc {}, LLVM {}, profile `firmware` (fat LTO, one codegen unit); {CORE}, QEMU {} `{}`.\n\
          Each cell: instructions / bytes of stack.",
@@ -83,10 +72,22 @@ pub fn write(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
         qemu::version()?,
         qemu::MACHINE
     );
-    let new = format!(
-        "{before}{BEGIN}\n{set_up}\n\n{}\n\n{END}{after}",
-        text(rows)
-    );
+    record("bench", &format!("{set_up}\n\n{}", text(rows)))
+}
+
+/// Replaces the part of BENCHMARKS.md that a command measures.
+pub fn record(command: &str, measured: &str) -> Result<()> {
+    let mark = |place| format!("<!-- written by `cargo xtask {command}`: {place} -->\n");
+    let (begin, end) = (mark("begin"), mark("end"));
+    let file = shell::root().join("BENCHMARKS.md");
+    let old = fs::read_to_string(&file)?;
+    let (before, rest) = old
+        .split_once(&begin)
+        .context("the first mark in BENCHMARKS.md")?;
+    let (_, after) = rest
+        .split_once(&end)
+        .context("the last mark in BENCHMARKS.md")?;
+    let new = format!("{before}{begin}\n{measured}\n\n{end}{after}");
     if new != old {
         fs::write(file, new)?;
     }
