@@ -11,7 +11,7 @@ use anyhow::{bail, Result};
 
 use crate::packages;
 use crate::qemu::Build;
-use crate::report::Report;
+use crate::report::{Check, Report};
 use crate::shell;
 use crate::toolchain::Toolchain;
 
@@ -27,20 +27,26 @@ pub fn prove(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
         "panic proof: calls every public function",
         every_function_is_called,
     );
-    for (profile, opt) in [("firmware", "3"), ("firmware-s", "s")] {
+    let builds = [("firmware", "3"), ("firmware-s", "s")].map(|(profile, opt)| {
         let build = Build {
             profile,
             features: "embedded-hal",
             ..Build::plain(EXAMPLE)
         };
-        report.check(
-            &format!("panic proof: links at opt-level {opt}"),
-            || match build.elf(toolchain) {
+        (build, opt)
+    });
+    let links = builds.map(|(build, opt)| {
+        Check::new(
+            format!("panic proof: links at opt-level {opt}"),
+            move || match build.elf(toolchain) {
                 Ok(_) => Ok(()),
                 Err(error) if is_proof(&error) => bail!("{}", culprits(&build, toolchain)?),
                 Err(error) => Err(error),
             },
-        );
+        )
+    });
+    report.check_together(links.into());
+    for (build, opt) in builds {
         report.check(
             &format!("panic proof: control fails at opt-level {opt}"),
             || {

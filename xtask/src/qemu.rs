@@ -56,15 +56,12 @@ impl<'a> Build<'a> {
     /// Builds it for the Cortex-M4F and returns the ELF file.
     pub fn elf(&self, toolchain: &Toolchain) -> Result<PathBuf> {
         let mut cargo = toolchain.cargo("rustc");
-        let mut out = target_dir();
+        // A directory for each kind of build: they do not wait for each other, and a change of flag rebuilds nothing.
+        let out = target_dir().join(format!("{}{}", self.profile, self.cpu));
+        cargo.env("CARGO_TARGET_DIR", &out);
         if !self.cpu.is_empty() {
-            // Cargo would rebuild everything at each change of a flag: a directory for each.
-            out = out.join(self.cpu);
-            cargo.env("CARGO_TARGET_DIR", &out);
-            cargo.arg("--config").arg(format!(
-                "target.{THUMBV7EM}.rustflags=['-Ctarget-cpu={}']",
-                self.cpu
-            ));
+            let flag = format!("target.{THUMBV7EM}.rustflags=['-Ctarget-cpu={}']", self.cpu);
+            cargo.args(["--config", &flag]);
         }
         cargo.args([
             "--package",

@@ -4,7 +4,7 @@ use std::io::{stderr, IsTerminal};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{anyhow, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// What passed and what failed so far.
@@ -17,11 +17,37 @@ pub struct Report {
 impl Report {
     /// Runs one check. A failure is shown and counted, and the others still run.
     pub fn check(&mut self, name: &str, work: impl FnOnce() -> Result<()>) {
-        let start = Instant::now();
         let spinner = spinner(name);
+        let start = Instant::now();
         let outcome = work();
         spinner.finish_and_clear();
-        let seconds = start.elapsed().as_secs_f32();
+        self.note(name, outcome, start.elapsed());
+    }
+
+    /// Runs checks at the same time, each in a thread; they are shown in the order given.
+    pub fn check_together(&mut self, checks: Vec<Check<'_>>) {
+        let names: Vec<String> = checks.iter().map(|check| check.name.clone()).collect();
+        let spinner = spinner(&names.join("; "));
+        let outcomes: Vec<_> = std::thread::scope(|scope| {
+            let mut threads = Vec::new();
+            for check in checks {
+                threads.push(scope.spawn(move || {
+                    let start = Instant::now();
+                    ((check.work)(), start.elapsed())
+                }));
+            }
+            threads.into_iter().map(|thread| thread.join()).collect()
+        });
+        spinner.finish_and_clear();
+        for (name, outcome) in names.iter().zip(outcomes) {
+            let ended_early = |_| (Err(anyhow!("the check itself panicked")), Duration::ZERO);
+            let (outcome, time) = outcome.unwrap_or_else(ended_early);
+            self.note(name, outcome, time);
+        }
+    }
+
+    fn note(&mut self, name: &str, outcome: Result<()>, time: Duration) {
+        let seconds = time.as_secs_f32();
         match outcome {
             Ok(()) => {
                 self.passed += 1;
@@ -52,6 +78,23 @@ impl Report {
             ExitCode::FAILURE
         } else {
             ExitCode::SUCCESS
+        }
+    }
+}
+
+/// A check that may run beside others.
+pub struct Check<'a> {
+    name: String,
+    work: Work<'a>,
+}
+
+type Work<'a> = Box<dyn FnOnce() -> Result<()> + Send + 'a>;
+
+impl<'a> Check<'a> {
+    pub fn new(name: String, work: impl FnOnce() -> Result<()> + Send + 'a) -> Self {
+        Self {
+            name,
+            work: Box::new(work),
         }
     }
 }

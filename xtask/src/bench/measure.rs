@@ -1,7 +1,7 @@
 //! Counting: the bench firmware in QEMU with a plugin that sees every instruction and every store.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{bail, Context, Result};
 use serde::Serialize;
@@ -63,8 +63,7 @@ pub const CORE: &str = "Cortex-M4F";
 
 impl Firmware {
     /// Builds and runs it with the counting plugin.
-    pub fn rows(&self, toolchain: &Toolchain) -> Result<Vec<Row>> {
-        let plugin = plugin()?;
+    pub fn rows(&self, toolchain: &Toolchain, plugin: &Path) -> Result<Vec<Row>> {
         let elf = self.elf(toolchain)?;
         let counts = target_dir().join(format!("counts-{}{}.txt", self.profile, self.cpu));
         let printed = qemu::run(
@@ -143,7 +142,7 @@ fn count(line: &str) -> Result<(u64, u64)> {
 }
 
 /// Builds the plugin.
-fn plugin() -> Result<PathBuf> {
+pub fn plugin() -> Result<PathBuf> {
     packages::ready(&[QEMU, GCC])?;
     let api = api(&qemu::version()?);
     let plugin = target_dir().join(format!("insnprobe-{api}.so"));

@@ -7,7 +7,7 @@ mod table;
 
 use std::process::ExitCode;
 
-use anyhow::{bail, Result};
+use anyhow::{anyhow, bail, Result};
 
 use measure::Row;
 pub use measure::{Firmware, FIRMWARES};
@@ -53,11 +53,21 @@ pub fn check(report: &mut Report, toolchain: &Toolchain) {
     });
 }
 
+/// Rows of every build, two builds at a time: each is one long run of the linker's optimiser.
 fn all(toolchain: &Toolchain) -> Result<Vec<Row>> {
-    let mut rows = Vec::new();
-    for firmware in FIRMWARES {
-        rows.extend(firmware.rows(toolchain)?);
-    }
+    let plugin = measure::plugin()?;
+    let measure = |builds: &[Firmware]| -> Result<Vec<Row>> {
+        let rows = builds.iter().map(|build| build.rows(toolchain, &plugin));
+        Ok(rows.collect::<Result<Vec<_>>>()?.concat())
+    };
+    let (first, second) = FIRMWARES.split_at(FIRMWARES.len() / 2);
+    let (first, second) = std::thread::scope(|scope| {
+        let first = scope.spawn(|| measure(first));
+        let second = measure(second);
+        (first.join(), second)
+    });
+    let mut rows = first.map_err(|_| anyhow!("a measuring thread ended early"))??;
+    rows.extend(second?);
     Ok(rows)
 }
 
