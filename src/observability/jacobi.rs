@@ -158,3 +158,54 @@ impl<T: Real, const N: usize> Axes<T> for Directions<T, N> {
         self.0.get(k).map_or(&[], |axis| axis.as_slice())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rotation_annuls_its_element_and_keeps_the_trace() {
+        for (x, y, a) in [
+            (2.0, 1.0, 0.5),
+            (1.0, 2.0, 0.5),
+            (1.0, 1.0, -0.3),
+            (1.0, -1.0, 1e-9),
+            (0.0, 0.0, 2.0),
+        ] {
+            let r = Rotation::<f64>::annulling(x, y, a);
+            let (s, tau) = (r.s, r.tau);
+            let c = 1.0 - s * tau;
+            assert!((s * s + c * c - 1.0).abs() < 1e-15);
+            assert!(((c * c - s * s) * a + c * s * (x - y)).abs() < 1e-15);
+            let (p, q) = (x - r.shift, y + r.shift);
+            assert!(
+                (p * q - (x * y - a * a)).abs() < 1e-14,
+                "the determinant stays"
+            );
+        }
+        // so far apart that θ² overflows: no turn, and no NaN
+        let r = Rotation::<f32>::annulling(1e10, 1e-10, 1e-20);
+        assert_eq!((r.s, r.shift), (0.0, 0.0));
+    }
+
+    #[test]
+    fn what_would_change_nothing_is_left_alone() {
+        let values = Threshold::<f32> {
+            floor: 0.0,
+            axes: false,
+        };
+        let axes = Threshold {
+            axes: true,
+            ..values
+        };
+        // moves 1e-4 by 1e-8/1: a tenth of a thousandth of it
+        assert!(!values.negligible(1.0, 1e-4, 1e-4));
+        // by 1e-10: 1e-6 of it; but the direction by 1e-3 of a cosine
+        assert!(values.negligible(1.0, 1e-4, 1e-5));
+        assert!(axes.negligible(1.0, 1e-4, 9e-6));
+        assert!(!axes.negligible(1.0, 1e-4, 1.1e-5));
+        // rounding
+        assert!(axes.negligible(1.0, 1.0, 4e-7));
+        assert!(!axes.negligible(1.0, 1.0, 6e-7));
+    }
+}

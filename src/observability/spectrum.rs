@@ -35,6 +35,13 @@ pub use super::jacobi::{Axes, Directions, ValuesOnly};
 /// Sweeps over all pairs before the iteration gives up. Covariances need 2 to 5; random dense matrices 5 to 7.
 const MAX_SWEEPS: u8 = 16;
 
+/// Share of the largest diagonal element that every element of an indefinite matrix counts with at least, in single
+/// precision: rotations that move a value by less than 6 ε of the largest are left out, which is below what the
+/// rounding of Ṗ has done to it.
+const FLOOR: f64 = 1.0 / 16.0;
+/// The same in double precision, where time is cheap: less than 0.1 ε.
+const FLOOR_DOUBLE: f64 = 1.0 / 1024.0;
+
 /// Cost of looking at one pair.
 const PAIR: u32 = 4;
 
@@ -142,6 +149,7 @@ pub struct Spectrum<'p, T, const N: usize, const L: usize, A> {
     axes: A,
     prior: Prior<'p, T, N, L>,
     definite: bool,
+    /// One rounding of the largest diagonal element of an indefinite matrix; 0 for a definite one.
     floor: T,
     sweep: u8,
     rotated: bool,
@@ -378,7 +386,7 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
         let close = |k: usize| match (self.value(k), self.value(k + 1)) {
             (Some(x), Some(y)) => {
                 let size = x.abs().max(y.abs());
-                y - x < T::of(GAP) * size || y - x < self.floor
+                y - x < T::of(GAP) * size || y - x < T::of(8.0) * self.floor
             }
             _ => false,
         };
@@ -536,8 +544,10 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
     fn pairs(&mut self, mut q: usize, mut p: usize, budget: &mut u32) -> Stage {
         let n = self.n;
         let rotation_cost = (n * if A::KEPT { 6 } else { 4 } + 16) as u32;
+        let epsilon = T::EPSILON.wide();
+        let share = if epsilon > 1e-10 { FLOOR } else { FLOOR_DOUBLE };
         let threshold = Threshold {
-            floor: self.floor,
+            floor: self.floor * T::of(share / epsilon),
             axes: A::KEPT,
         };
         while q < n {

@@ -247,3 +247,78 @@ pub(super) fn solve_transposed<T: Real>(b: &[T], n: usize, x: &mut [T]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// [[4, 2, -2], [2, 10, 1], [-2, 1, 3]] = L Lᵀ with L = [[2], [1, 3], [-1, 2/3, …]].
+    const A: [f64; 6] = [4.0, 2.0, 10.0, -2.0, 1.0, 3.0];
+
+    #[test]
+    fn a_factor_times_its_transpose_is_the_matrix() {
+        let mut l = A;
+        let mut left = [4.0, 10.0, 3.0];
+        for k in 0..3 {
+            assert!(factor_column(&mut l, 3, k, &mut left));
+        }
+        for i in 0..3 {
+            for j in 0..=i {
+                // three products of numbers below 4
+                assert!((dot(row(&l, i), row(&l, j)) - at(&A, i, j)).abs() < 1e-15);
+            }
+        }
+        // what remained when each pivot came up is its square
+        assert!((left[1] - l[2] * l[2]).abs() < 1e-15 && (left[2] - l[5] * l[5]).abs() < 1e-15);
+        // Lᵀ L, element (1, 0): l11 l10 + l21 l20
+        let mut gram = l;
+        for i in 0..3 {
+            gram_row::<f64, 3>(&mut gram, 3, i);
+        }
+        assert!((at(&gram, 1, 0) - (l[2] * l[1] + l[4] * l[3])).abs() < 1e-15);
+        assert!((at(&gram, 2, 2) - l[5] * l[5]).abs() < 1e-15);
+        // A⁻¹ A = I by the factor: L⁻¹ L, and L⁻¹ A L⁻ᵀ
+        let mut one = l;
+        for i in 0..3 {
+            divide_row(&mut one, &l, i);
+        }
+        let mut same = A;
+        for k in 0..3 {
+            congruence_step::<f64, 3>(&mut same, &l, 3, k);
+        }
+        for (one, same) in one.iter().zip(&same) {
+            assert!((one - same).abs() < 1e-15);
+        }
+        assert_eq!([one[0], one[2], one[5]], [1.0; 3]);
+        // Lᵀ x = b
+        let mut x = [l[0] + l[1] + l[3], l[2] + l[4], l[5]];
+        solve_transposed(&l, 3, &mut x);
+        assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-15));
+    }
+
+    #[test]
+    fn a_pivot_that_is_not_positive_is_told() {
+        let mut a = [1.0, 2.0, 1.0];
+        assert!(factor_column(&mut a, 2, 0, &mut [1.0, 1.0]));
+        let before = a;
+        assert!(!factor_column(&mut a, 2, 1, &mut [1.0, 1.0]));
+        assert_eq!(a, before);
+        assert!(!factor_column(&mut [f64::NAN], 1, 0, &mut [1.0]));
+    }
+
+    #[test]
+    fn exchanged_axes_are_exchanged() {
+        // element (i, j) is 10 i + j, so every one of them can be followed
+        let mut a: [f64; 10] = [0.0, 10.0, 11.0, 20.0, 21.0, 22.0, 30.0, 31.0, 32.0, 33.0];
+        exchange(&mut a, 4, 0, 2);
+        assert_eq!(
+            a,
+            [22.0, 21.0, 11.0, 20.0, 10.0, 0.0, 32.0, 31.0, 30.0, 33.0]
+        );
+        exchange(&mut a, 4, 1, 3);
+        assert_eq!(
+            a,
+            [22.0, 32.0, 33.0, 20.0, 30.0, 0.0, 21.0, 31.0, 10.0, 11.0]
+        );
+    }
+}

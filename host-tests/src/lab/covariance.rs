@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use navsight::error::Error;
+
 use super::{print_json, progress, LabError};
 use crate::covariance_analysis::{self, Config, Eigen, Instant, N};
 use crate::report::{short, Table};
@@ -49,8 +51,14 @@ pub fn run(args: &Args) -> Result<(), LabError> {
     };
     let instants =
         run(&config, args.case, &seconds, &mut || bar.inc(1)).map_err(|(t, error)| {
-            let what = format!("the filter refused the run at {t} s: {error:?}");
-            LabError::in_file(&args.config, what)
+            let refused = |what| LabError::in_file(&args.config, what);
+            match error {
+                Error::NotPositive { row } if t == 0.0 => {
+                    refused(format!("P0 is not positive definite, seen at state {row}"))
+                        .field("nondiag_P0_corr_pairs")
+                }
+                error => refused(format!("the filter refused the run at {t} s: {error:?}")),
+            }
         })?;
     bar.finish_and_clear();
     let mut object = serde_json::Map::new();
@@ -183,7 +191,7 @@ fn read(path: &Path) -> Result<Config, LabError> {
         let field = error.path().to_string();
         let line = error.inner().line();
         let located = LabError::in_file(path, error.inner().to_string()).line(line.max(1));
-        if field == "." {
+        if field == "." || field.contains('?') {
             located
         } else {
             located.field(field)
