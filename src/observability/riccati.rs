@@ -234,7 +234,27 @@ pub(super) fn diagonal_blocks<T: Real, const M: usize>(
     for (rate, q) in rate.iter_mut().skip(3).zip(&t.q) {
         *rate -= *q;
     }
-    learn_diagonal(&mut rate, p, information);
+    match (&information.h, information.r_t.as_slice()) {
+        // the common case, velocity measured directly, with constant indices as well
+        (Observation::Direct { first: 3 }, [r_e, r_n, r_u]) => {
+            let weight = [r_e, r_n, r_u].map(|r_t| T::one() / *r_t);
+            macro_rules! learn {
+                ($($i:literal)+) => {[$({
+                    let e = x[const { upper(3, $i) }];
+                    let n = x[const { upper(4, $i) }];
+                    let u = x[const { upper(5, $i) }];
+                    e * e * weight[0] + n * n * weight[1] + u * u * weight[2]
+                }),+]};
+            }
+            for (rate, learnt) in rate
+                .iter_mut()
+                .zip(learn!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14))
+            {
+                *rate += learnt;
+            }
+        }
+        _ => learn_diagonal(&mut rate, p, information),
+    }
     rate
 }
 
