@@ -3,21 +3,16 @@
 #![cfg(not(target_os = "none"))]
 
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
+
+mod common;
 
 fn align(args: &[&str]) -> Value {
     let report =
         Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("align_{}", args.concat().len()));
-    let output = Command::new(env!("CARGO_BIN_EXE_lab"))
-        .args(["align", "--json", "--report"])
-        .arg(report)
-        .args(args)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{output:?}");
-    serde_json::from_slice(&output.stdout).unwrap()
+    let report = report.to_str().unwrap();
+    common::lab_json(["align", "--json", "--report", report].iter().chain(args))
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

@@ -4,15 +4,14 @@
 use std::path::Path;
 
 use host_tests::input::imu::{ImuReader, ImuSample};
-use host_tests::sim::{self, Sensor, SensorErrors, Simulator, Static, Turn};
+use host_tests::sim::{self, navigation_grade, Sensor, SensorErrors, Simulator, Static, Turn};
 use nalgebra::Vector3;
 use navsight::alignment::coarse::{CoarseAlignment, UNKNOWN_HEADING};
 use navsight::alignment::standing::{Plan, Progress, StandingAlignment};
 use navsight::attitude::Euler;
 use navsight::earth::{normal_gravity, omega_ie_n, Geodetic};
 use navsight::error::Error;
-use navsight::error_model::{BiasModel, NoiseDensity, ATT};
-use navsight::filter::{Prior, Settings};
+use navsight::error_model::ATT;
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::measurement::ZeroVelocity;
 
@@ -182,31 +181,6 @@ fn a_sensor_that_cannot_feel_the_earth_turn_says_so() {
     let found = coarse.solve().unwrap();
     assert!(found.sigma_heading > 5.0 * DEG && found.sigma_heading <= UNKNOWN_HEADING);
     assert!(found.earth_rate_ratio > 1.5);
-}
-
-/// Plan, prior and settings of a navigation-grade sensor.
-fn navigation_grade() -> (Plan, Prior, Settings) {
-    let errors = SensorErrors::NAVIGATION;
-    let plan = Plan {
-        coarse_duration: 30.0,
-        zero_velocity: ZeroVelocity::new(0.002, 1.0).unwrap(),
-        turning: DEG,
-    };
-    let prior = Prior {
-        position: [1.0; 3],
-        velocity: [0.1; 3],
-        attitude: [0.5 * DEG, 0.5 * DEG, 2.0 * DEG],
-        gyro_bias: [0.02 * DEG / 3600.0; 3],
-        accel_bias: [9.8e-4; 3],
-    };
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(errors.vrw as f32, errors.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
-    (plan, prior, settings)
 }
 
 #[test]

@@ -6,13 +6,11 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use host_tests::sim::{Sensor, SensorErrors, Simulator, Static, Turn, DEG};
-use navsight::alignment::standing::{Plan, Progress, StandingAlignment};
+use host_tests::sim::{navigation_grade, Sensor, SensorErrors, Simulator, Static, Turn, DEG};
+use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
-use navsight::error_model::{BiasModel, NoiseDensity, N};
-use navsight::filter::{Filter, Prior, Settings, UpdateReport};
-use navsight::imu::ImuLimits;
-use navsight::measurement::ZeroVelocity;
+use navsight::error_model::N;
+use navsight::filter::{Filter, UpdateReport};
 use navsight::observability::diagonal::Xi;
 
 /// The numbers are f32: a machine whose `sin` or `exp` differs in the last place of the simulator's double moves them by
@@ -50,26 +48,7 @@ fn trace() -> String {
     };
     let errors = SensorErrors::NAVIGATION.with_biases([0.015, -0.02, 0.01], [60.0, -80.0, 100.0]);
     let mut sensor = Sensor::new(errors, 42);
-    let rad = DEG as f32;
-    let prior = Prior {
-        position: [1.0; 3],
-        velocity: [0.1; 3],
-        attitude: [0.5 * rad, 0.5 * rad, 2.0 * rad],
-        gyro_bias: [0.02 * rad / 3600.0; 3],
-        accel_bias: [9.8e-4; 3],
-    };
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(errors.vrw as f32, errors.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
-    let plan = Plan {
-        coarse_duration: 30.0,
-        zero_velocity: ZeroVelocity::new(0.002, 1.0).unwrap(),
-        turning: rad,
-    };
+    let (plan, prior, settings) = navigation_grade();
     let mut alignment = StandingAlignment::new(at, plan, prior, settings).unwrap();
     let state = "rE rN rU vE vN vU psiE psiN psiU bgx bgy bgz bax bay baz";
     let mut out = String::from("t,heading_deg,pitch_deg,roll_deg,v_e,v_n,v_u");

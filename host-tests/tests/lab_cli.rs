@@ -4,16 +4,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
-use serde_json::Value;
+mod common;
 
-fn lab(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lab"))
-        .args(args)
-        .output()
-        .unwrap()
-}
+use common::{lab, lab_json};
 
 fn scratch(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("lab_cli");
@@ -29,13 +23,6 @@ fn refused(args: &[&str]) -> String {
     assert!(output.stdout.is_empty(), "{args:?}");
     assert_eq!(message.lines().count(), 1, "{args:?}: {message:?}");
     message
-}
-
-fn json(args: &[&str]) -> Value {
-    let output = lab(args);
-    assert!(output.status.success(), "{args:?}: {output:?}");
-    assert!(output.stderr.is_empty(), "no progress without a terminal");
-    serde_json::from_slice(&output.stdout).expect("one JSON object and nothing else")
 }
 
 /// A file of a sensor that stands still at 40°, pointing east, 50 Hz.
@@ -68,8 +55,8 @@ fn bad_command_lines_are_one_line() {
     ] {
         refused(args);
     }
-    assert_eq!(lab(&["--help"]).status.code(), Some(0));
-    assert_eq!(lab(&["align", "--help"]).status.code(), Some(0));
+    assert_eq!(lab(["--help"]).status.code(), Some(0));
+    assert_eq!(lab(["align", "--help"]).status.code(), Some(0));
 }
 
 #[test]
@@ -146,12 +133,12 @@ fn replay_says_what_a_recording_lacks() {
 #[test]
 fn replay_of_rates_in_other_axes_finds_the_heading() {
     let imu = standing("rates.csv", 90);
-    let o = json(&["replay", "--imu", &imu, "--lat", "40", "--json"]);
+    let o = lab_json(["replay", "--imu", &imu, "--lat", "40", "--json"]);
     // No noise in the file: what is left is f32 and the prior, far below the 0.1° of σ.
     let heading = o["final"]["heading_deg"].as_f64().unwrap();
     assert!((heading - 90.0).abs() < 0.01, "{heading}");
     // The same sensor turned on its mount: what it calls y is right, what it calls −x is forward.
-    let o = json(&[
+    let o = lab_json([
         "replay", "--imu", &imu, "--lat", "40", "--json", "--axes", "y,-x,z",
     ]);
     let heading = o["final"]["heading_deg"].as_f64().unwrap();
@@ -203,7 +190,7 @@ fn assert_self_contained(html: &str) {
 fn align_writes_one_file_that_needs_nothing() {
     let folder = scratch("report");
     let name = folder.to_str().unwrap();
-    let output = lab(&["align", "--report", name]);
+    let output = lab(["align", "--report", name]);
     assert!(output.status.success(), "{output:?}");
     let text = String::from_utf8(output.stdout).unwrap();
     let last = text.lines().last().unwrap();
@@ -227,7 +214,7 @@ fn replay_writes_a_report_too() {
     let imu = standing("for_report.csv", 90);
     let folder = scratch("replay_report");
     let name = folder.to_str().unwrap();
-    let output = lab(&["replay", "--imu", &imu, "--lat", "40", "--report", name]);
+    let output = lab(["replay", "--imu", &imu, "--lat", "40", "--report", name]);
     assert!(output.status.success(), "{output:?}");
     assert_self_contained(&fs::read_to_string(folder.join("report.html")).unwrap());
 }

@@ -1,9 +1,11 @@
 //! `lab covariance` from outside: what a bad configuration is answered with, and what JSON holds.
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::path::{Path, PathBuf};
+use std::process::Output;
 
 use serde_json::{json, Value};
+
+mod common;
 
 fn config() -> Value {
     let file: Value = serde_json::from_str(include_str!("../golden/lu2009.json")).unwrap();
@@ -20,13 +22,14 @@ fn write(name: &str, text: &str) -> PathBuf {
     path
 }
 
-fn lab(config: &std::path::Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lab"))
-        .args(["covariance", "--config"])
-        .arg(config)
-        .args(arguments)
-        .output()
-        .unwrap()
+/// The command line of one analysis.
+fn line<'a>(config: &'a Path, arguments: &[&'a str]) -> Vec<&'a str> {
+    let config = config.to_str().unwrap();
+    [&["covariance", "--config", config], arguments].concat()
+}
+
+fn lab(config: &Path, arguments: &[&str]) -> Output {
+    common::lab(line(config, arguments))
 }
 
 /// Exit 2, nothing on standard output, and one line that names the file (where one is at fault) and these words.
@@ -129,14 +132,12 @@ fn a_bad_time_is_refused() {
 #[test]
 fn json_is_one_object_with_the_times_as_they_were_written() {
     let path = write("json", &config().to_string());
-    let output = lab(
+    let object = common::lab_json(line(
         &path,
         &[
             "--times", "300,1", "--case", "2", "--scalar", "f32", "--json",
         ],
-    );
-    assert!(output.status.success() && output.stderr.is_empty());
-    let object: Value = serde_json::from_slice(&output.stdout).unwrap();
+    ));
     let keys: Vec<&String> = object.as_object().unwrap().keys().collect();
     assert_eq!(keys, ["1", "300"]);
     for key in ["P", "xi2", "xi1", "xi1_meas", "eigT", "eigM"] {

@@ -1,5 +1,6 @@
 //! ξ and η: systems known on paper, states that cannot be seen by construction, units, and the promises about slices.
 
+use host_tests::reference::random::Random;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2};
 use navsight::covariance::{Covariance, Covariance15, Observation, Rows};
 use navsight::error::Error;
@@ -154,33 +155,14 @@ fn what_cannot_be_said_is_not_said() {
     }
 }
 
-/// A seeded generator, so that failures repeat.
-struct Random(u64);
-
-impl Random {
-    /// Uniform in −1 … 1.
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// Symmetric positive definite with unit diagonal scale.
-    fn spd<const N: usize>(&mut self) -> SMatrix<f64, N, N> {
-        let g = SMatrix::<f64, N, N>::from_fn(|_, _| self.next());
-        g * g.transpose() + SMatrix::identity() * 0.1
-    }
-}
-
 #[test]
 fn the_riccati_rate_is_the_equation() {
     let mut random = Random(1);
     let p0 = random.spd::<5>();
     let p = Covariance::<f64, 5, 15>::from_matrix(&p0).unwrap();
-    let f = SMatrix::<f64, 5, 5>::from_fn(|_, _| random.next());
-    let q = SVector::<f64, 5>::from_fn(|_, _| random.next().abs());
-    let h = SMatrix::<f64, 2, 5>::from_fn(|_, _| random.next());
+    let f = SMatrix::<f64, 5, 5>::from_fn(|_, _| random.uniform());
+    let q = SVector::<f64, 5>::from_fn(|_, _| random.uniform().abs());
+    let h = SMatrix::<f64, 2, 5>::from_fn(|_, _| random.uniform());
     let r_t = [0.3, 0.7];
     let dense = Information {
         h: Observation::Dense(h),
@@ -241,12 +223,12 @@ fn the_block_form_is_the_general_form() {
         &mut rates.a22,
         &mut rates.a23,
     ] {
-        *m = Matrix3::from_fn(|_, _| random.next());
+        *m = Matrix3::from_fn(|_, _| random.uniform());
     }
-    rates.a01 = SVector::from_fn(|_, _| random.next());
-    rates.a10 = SVector::from_fn(|_, _| random.next());
+    rates.a01 = SVector::from_fn(|_, _| random.uniform());
+    rates.a10 = SVector::from_fn(|_, _| random.uniform());
     (rates.a33, rates.a44) = (-0.3, -0.7);
-    rates.q = core::array::from_fn(|_| random.next().abs());
+    rates.q = core::array::from_fn(|_| random.uniform().abs());
     let information = Information::<f64, 3, 15> {
         h: Observation::Direct { first: 3 },
         r_t: [0.2, 0.3, 0.4],

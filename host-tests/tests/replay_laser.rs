@@ -5,25 +5,27 @@
 #![cfg(not(target_os = "none"))]
 
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
+mod common;
+
 fn replay(imu: &Path, from: u32, to: u32) -> Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_lab"))
-        .args(["replay", "--lat", "34.246048", "--height", "380", "--json"])
-        .args([
-            "--from",
-            &from.to_string(),
-            "--to",
-            &to.to_string(),
-            "--imu",
-        ])
-        .arg(imu)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{output:?}");
-    serde_json::from_slice(&output.stdout).unwrap()
+    let (from, to) = (from.to_string(), to.to_string());
+    common::lab_json([
+        "replay",
+        "--lat",
+        "34.246048",
+        "--height",
+        "380",
+        "--json",
+        "--from",
+        &from,
+        "--to",
+        &to,
+        "--imu",
+        imu.to_str().unwrap(),
+    ])
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

@@ -11,6 +11,7 @@ use navsight::observability::spectrum::{
 
 use host_tests::covariance_analysis::Config;
 use host_tests::reference::lu2009 as twin;
+use host_tests::reference::random::Random;
 
 const ALL: u32 = u32::MAX;
 
@@ -23,25 +24,6 @@ fn values<T: Real, const N: usize, const L: usize, A: Axes<T>>(
     (0..spectrum.len())
         .map(|k| spectrum.value(k).unwrap().wide())
         .collect()
-}
-
-/// A seeded generator, so that failures repeat.
-struct Random(u64);
-
-impl Random {
-    /// Uniform in −1 … 1.
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    /// Symmetric positive definite.
-    fn spd<const N: usize>(&mut self) -> SMatrix<f64, N, N> {
-        let g = SMatrix::<f64, N, N>::from_fn(|_, _| self.next());
-        g * g.transpose() + SMatrix::identity() * 0.1
-    }
 }
 
 #[test]

@@ -15,18 +15,20 @@ use navsight::error_model::N;
 use navsight::filter::{Filter, UpdateReport};
 use navsight::imu::ImuIncrement;
 use navsight::measurement::{Position, Velocity, ZeroVelocity};
-use serde_json::{json, Value};
 
 use super::history::{History, Snapshot};
-use super::solution::{angles_deg, table, turn_deg, Solution};
-use super::states::{xi, STATES};
+use super::solution::{angles_deg, turn_deg, Solution};
+use super::states::xi;
 use super::LabError;
 use crate::config::{self, Config};
 use crate::input::gnss::{self, Fix};
 use crate::input::reference::{self, Attitude};
 use crate::input::rest::{self, Flag};
 use crate::input::{Axes, ImuReader, ImuSample};
-use crate::report::{digits, short, Chart, Page, Scale, Series, Table, Tone};
+
+mod pages;
+
+use pages::Outcome;
 
 /// Flags of the command.
 #[derive(clap::Args)]
@@ -192,6 +194,12 @@ struct Replay<'a> {
     waited: f64,
     rested: bool,
     turning: bool,
+    tally: Tally,
+}
+
+/// What a run adds up, sample by sample.
+#[derive(Default)]
+struct Tally {
     last: Option<Last>,
     nis: Nis,
     rejected: u64,
@@ -215,6 +223,13 @@ struct Nis {
     rows: u64,
     updates: u64,
     last: f64,
+}
+
+impl Nis {
+    /// Mean per row; NaN, null in JSON, where there was none.
+    fn per_row(&self) -> f64 {
+        self.sum / self.rows as f64
+    }
 }
 
 /// Differences to the reference.
@@ -263,14 +278,7 @@ impl<'a> Replay<'a> {
             waited: 0.0,
             rested: true,
             turning: false,
-            last: None,
-            nis: Nis::default(),
-            rejected: 0,
-            compared: Compared::default(),
-            events: Vec::new(),
-            history: History::default(),
-            time: f64::NAN,
-            samples: 0,
+            tally: Tally::default(),
         })
     }
 
@@ -282,8 +290,8 @@ impl<'a> Replay<'a> {
             delta_v_b: narrow(sample.delta_v),
             dt: sample.dt as f32,
         };
-        self.time = sample.t;
-        self.samples += 1;
+        self.tally.time = sample.t;
+        self.tally.samples += 1;
         let refused = |error: Error| match error {
             Error::Time => format!(
                 "the sample before is {:.3} s away (limit {} s)",
@@ -326,7 +334,10 @@ impl<'a> Replay<'a> {
                 self.coarse = filter.as_ref().map(|filter| (coarse, Solution::of(filter)));
                 if let Some(filter) = filter {
                     if !self.aids.fixes.is_empty() || self.aids.flags.is_some() {
-                        self.next_fix = self.aids.fixes.partition_point(|fix| fix.t <= self.time);
+                        self.next_fix = self
+                            .aids
+                            .fixes
+                            .partition_point(|fix| fix.t <= self.tally.time);
                         self.driver = Driver::Aided(filter);
                     }
                 }
@@ -387,8 +398,8 @@ impl<'a> Replay<'a> {
 
     fn event(&mut self, what: &str) {
         const MOST: usize = 1000; // enough to see what is wrong with a recording
-        if self.events.len() < MOST {
-            self.events.push((self.time, what.to_owned()));
+        if self.tally.events.len() < MOST {
+            self.tally.events.push((self.tally.time, what.to_owned()));
         }
     }
 
@@ -403,26 +414,26 @@ impl<'a> Replay<'a> {
             rows += report.rows_accepted();
             let refused = 3 - report.rows_accepted();
             if refused > 0 {
-                self.rejected += refused as u64;
+                self.tally.rejected += refused as u64;
                 self.event(&format!("{refused} of 3 rows beyond the gate"));
             }
         }
-        self.nis.sum += nis;
-        self.nis.rows += rows as u64;
-        self.nis.updates += reports.len() as u64;
-        self.nis.last = nis / rows as f64;
+        self.tally.nis.sum += nis;
+        self.tally.nis.rows += rows as u64;
+        self.tally.nis.updates += reports.len() as u64;
+        self.tally.nis.last = nis / rows as f64;
         let (xi1, xi2) = xi(reports)?;
-        self.last = Some(Last { xi1, xi2 });
+        self.tally.last = Some(Last { xi1, xi2 });
         if let Some(filter) = self.filter() {
             let snapshot = Snapshot {
-                t: self.time,
+                t: self.tally.time,
                 angles_deg: angles_deg(&filter.nav().c_b_n()),
                 sigma: std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from)),
                 xi1,
                 xi2,
-                nis: self.nis.last,
+                nis: self.tally.nis.last,
             };
-            self.history.push(snapshot);
+            self.tally.history.push(snapshot);
         }
         Ok(())
     }
@@ -442,17 +453,17 @@ impl<'a> Replay<'a> {
                 continue;
             };
             let got = angles_deg(&filter.nav().c_b_n());
-            self.compared.count += 1;
+            self.tally.compared.count += 1;
             for (i, (got, wanted)) in got.iter().zip(wanted).enumerate() {
                 let d = turn_deg(wanted, *got);
-                self.compared.sum[i] += d;
-                self.compared.square[i] += d * d;
+                self.tally.compared.sum[i] += d;
+                self.tally.compared.square[i] += d * d;
             }
         }
     }
 
     fn finish(mut self) -> Result<Outcome, String> {
-        if self.samples == 0 {
+        if self.tally.samples == 0 {
             return Err("there is no sample between --from and --to".into());
         }
         if let Driver::Aided(filter) = &mut self.driver {
@@ -476,293 +487,7 @@ impl<'a> Replay<'a> {
             solution,
             sigma0,
             sigma,
-            last: self.last,
-            nis: self.nis,
-            rejected: self.rejected,
-            compared: self.compared,
-            events: self.events,
-            history: self.history,
-            time: self.time,
-            samples: self.samples,
+            tally: self.tally,
         })
-    }
-}
-
-/// What came out.
-struct Outcome {
-    coarse: CoarseSolution,
-    coarse_solution: Solution,
-    solution: Solution,
-    sigma0: [f64; N],
-    sigma: [f64; N],
-    last: Option<Last>,
-    nis: Nis,
-    rejected: u64,
-    compared: Compared,
-    events: Vec<(f64, String)>,
-    history: History<Snapshot>,
-    time: f64,
-    samples: u64,
-}
-
-impl Outcome {
-    fn json(&self) -> Value {
-        let per_row = self.nis.sum / self.nis.rows as f64; // 0/0 is null
-        let events: Vec<Value> = self
-            .events
-            .iter()
-            .map(|(t, what)| json!({ "t_s": t, "event": what }))
-            .collect();
-        let mut object = json!({
-            "coarse": self.coarse_solution.json(),
-            "final": self.solution.json(),
-            "states": STATES.map(|s| s.name),
-            "xi1": self.last.as_ref().map(|l| l.xi1),
-            "xi2": self.last.as_ref().map(|l| l.xi2),
-            "sigma0": self.sigma0,
-            "sigma": self.sigma,
-            "nis": { "mean_per_row": per_row, "last_per_row": self.nis.last, "updates": self.nis.updates },
-            "rejected": self.rejected,
-            "rms_vs_ref": self.rms_json(),
-            "events": events,
-            "t_end_s": self.time,
-            "samples": self.samples,
-        });
-        let window = json!({
-            "sigma_heading_deg": f64::from(self.coarse.sigma_heading).to_degrees(),
-            "gravity_ratio": f64::from(self.coarse.gravity_ratio),
-            "earth_rate_ratio": f64::from(self.coarse.earth_rate_ratio),
-        });
-        if let Some(Value::Object(coarse)) = object.get_mut("coarse") {
-            coarse.insert("window".into(), window);
-        }
-        object
-    }
-
-    /// Root mean square of the differences to the reference, heading, pitch, roll [°].
-    fn rms(&self) -> Option<[f64; 3]> {
-        let n = self.compared.count as f64;
-        (n > 0.0).then(|| self.compared.square.map(|s| (s / n).sqrt()))
-    }
-
-    fn rms_json(&self) -> Value {
-        let Some(rms) = self.rms() else {
-            return Value::Null;
-        };
-        let mean = self.compared.sum[0] / self.compared.count as f64;
-        json!({
-            "heading_deg": rms[0], "pitch_deg": rms[1], "roll_deg": rms[2],
-            // a reference whose local frame does not point north differs by a constant
-            "heading_mean_deg": mean,
-            "heading_without_mean_deg": (rms[0] * rms[0] - mean * mean).max(0.0).sqrt(),
-            "instants": self.compared.count,
-        })
-    }
-
-    fn states(&self) -> Table {
-        let mut table = Table::new(
-            "What the recording taught the filter",
-            [
-                "state",
-                "unit",
-                "σ at the start",
-                "σ now",
-                "ξ1 now [1/s]",
-                "ξ2 now",
-            ],
-        );
-        for (i, state) in STATES.iter().enumerate() {
-            let xi =
-                |pick: fn(&Last) -> &[f64; N]| self.last.as_ref().map_or(f64::NAN, |l| pick(l)[i]);
-            table.row([
-                state.name.to_owned(),
-                state.unit.to_owned(),
-                short(self.sigma0[i] / state.in_si),
-                short(self.sigma[i] / state.in_si),
-                short(xi(|l| &l.xi1)),
-                short(xi(|l| &l.xi2)),
-            ]);
-        }
-        table
-    }
-
-    /// Questions and answers.
-    fn answers(&self) -> Vec<(Tone, &'static str, String)> {
-        let s = &self.solution;
-        let start = self.sigma0[8] / STATES[8].in_si;
-        let (heading, sigma) = (s.angles_deg[0], s.angles_deg_sigma[0]);
-        let mut answers = vec![(
-            Tone::Plain,
-            "Where does it point?",
-            format!(
-                "Heading {heading:.3}° ± {} (1σ), pitch {:.4}°, roll {:.4}°. At the start of the filter the heading was known to {}°.",
-                degrees(sigma), s.angles_deg[1], s.angles_deg[2], short(start),
-            ),
-        )];
-        if let Some(last) = &self.last {
-            let named = |test: &dyn Fn(f64) -> bool| {
-                let names: Vec<&str> = (0..N)
-                    .filter(|&i| test(last.xi2[i]))
-                    .map(|i| STATES[i].name)
-                    .collect();
-                if names.is_empty() {
-                    "none".to_owned()
-                } else {
-                    names.join(", ")
-                }
-            };
-            answers.push((
-                Tone::Plain,
-                "What has been learnt?",
-                format!(
-                    "Variance down by ten or more (ξ2 ≥ 10): {}.",
-                    named(&|x| x >= 10.0)
-                ),
-            ));
-            answers.push((
-                Tone::Note,
-                "What is still a guess?",
-                format!(
-                    "Variance down by less than a tenth (ξ2 < 1.1), so these are what was assumed at the start: {}. \
-                     More time in the same position does not help them.",
-                    named(&|x| x < 1.1)
-                ),
-            ));
-        }
-        let per_row = self.nis.sum / self.nis.rows as f64;
-        if per_row.is_finite() {
-            answers.push((
-                if (0.05..2.0).contains(&per_row) { Tone::Plain } else { Tone::Note },
-                "Do the data fit the model?",
-                format!(
-                    "{} updates, ν²/s {} per row on average (1 where the noise settings are exact, less where they are cautious); {} rows refused.",
-                    self.nis.updates, digits(per_row, 2), self.rejected
-                ),
-            ));
-        }
-        if let Some([heading, pitch, roll]) = self.rms() {
-            let n = self.compared.count as f64;
-            answers.push((
-                Tone::Plain,
-                "Does it agree with the reference?",
-                format!(
-                    "Differences at {} instants, rms: heading {}°, pitch {}°, roll {}°; the mean difference in heading is {}°.",
-                    self.compared.count, digits(heading, 3), digits(pitch, 3), digits(roll, 3),
-                    digits(self.compared.sum[0] / n, 3),
-                ),
-            ));
-        }
-        answers
-    }
-
-    fn text(&self) -> String {
-        let mut text = format!(
-            "{}\n{}\n",
-            self.solutions().to_text(),
-            self.states().to_text()
-        );
-        for (_, question, answer) in self.answers() {
-            text += &format!("{question} {answer}\n");
-        }
-        for (t, what) in self.events.iter().take(20) {
-            text += &format!("{t:>10.2} s  {what}\n");
-        }
-        text
-    }
-
-    fn solutions(&self) -> Table {
-        table(
-            &format!(
-                "Navigation solution after {} samples, at {:.2} s",
-                self.samples, self.time
-            ),
-            &[("coarse", &self.coarse_solution), ("final", &self.solution)],
-        )
-    }
-
-    fn page(&self, imu: &Path) -> Page {
-        let mut page = Page::new(
-            "Replay",
-            &format!(
-                "{} through the filter: {} samples.",
-                imu.display(),
-                self.samples
-            ),
-        );
-        for (tone, question, answer) in self.answers() {
-            page.verdict(tone, question, &answer);
-        }
-        page.table(&self.solutions());
-        page.table(&self.states());
-        let blue = "#2563eb";
-        let line = |value: &dyn Fn(&Snapshot) -> f64| Series {
-            label: String::new(),
-            color: blue,
-            width: 2,
-            points: self.history.line(|s| (s.t, value(s))),
-        };
-        page.section("Attitude and its standard deviation");
-        let first = self
-            .history
-            .snapshots()
-            .first()
-            .map_or(0.0, |s| s.angles_deg[0]);
-        let mut pictures = Vec::new();
-        for (i, name) in ["heading [°]", "pitch [°]", "roll [°]"].iter().enumerate() {
-            // Unwrapped around the first heading, so that 359° to 1° is no jump.
-            let value = move |s: &Snapshot| match i {
-                0 => first + turn_deg(first, s.angles_deg[0]),
-                _ => s.angles_deg[i],
-            };
-            pictures.push(Chart::new(*name, Scale::Linear, vec![line(&value)]).svg());
-        }
-        for i in [8, 6, 7] {
-            let state = &STATES[i];
-            let title = format!("σ of {} [{}]", state.name, state.unit);
-            pictures.push(
-                Chart::new(
-                    title,
-                    Scale::Logarithmic,
-                    vec![line(&|s: &Snapshot| s.sigma[i] / state.in_si)],
-                )
-                .svg(),
-            );
-        }
-        page.figures(3, &pictures, "Over time [s].");
-        page.section("ξ2: variance at the start over variance now");
-        let pictures: Vec<String> = STATES
-            .iter()
-            .enumerate()
-            .map(|(i, state)| {
-                Chart::new(
-                    state.name,
-                    Scale::Logarithmic,
-                    vec![line(&|s: &Snapshot| s.xi2[i])],
-                )
-                .svg()
-            })
-            .collect();
-        page.figures(3, &pictures, "1: nothing learnt yet. Over time [s].");
-        page.section("ν²/s of the updates, per row");
-        let chart = Chart {
-            level: Some(1.0),
-            size: (690, 190),
-            ..Chart::new("", Scale::Logarithmic, vec![line(&|s: &Snapshot| s.nis)])
-        };
-        page.figures(
-            1,
-            &[chart.svg()],
-            "1 on average (dashed) where the noise settings are exact. Over time [s].",
-        );
-        page
-    }
-}
-
-/// An angle in the unit in which people say it.
-fn degrees(deg: f64) -> String {
-    if deg >= 0.01 {
-        format!("{deg:.3}°")
-    } else {
-        format!("{:.1}″", deg * 3600.0)
     }
 }

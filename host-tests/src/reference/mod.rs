@@ -2,4 +2,5 @@
 
 pub mod error_model;
 pub mod lu2009;
+pub mod random;
 pub mod strapdown;

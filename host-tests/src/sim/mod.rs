@@ -14,10 +14,12 @@
 //! ```
 
 mod sensor;
+mod standing;
 mod trajectory;
 mod truth;
 
 pub use sensor::{Sensor, SensorErrors};
+pub use standing::navigation_grade;
 pub use trajectory::{ClimbingTurns, Coning, Pose, Static, Swing, Trajectory, Turn};
 pub use truth::{Ideal, Simulator, Truth};
 
