@@ -51,3 +51,4 @@ pub mod sensor;
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+pub mod tracking;
