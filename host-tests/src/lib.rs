@@ -4,6 +4,7 @@
 
 #[cfg(not(target_os = "none"))]
 pub mod config;
+pub mod analysis;
 #[cfg(not(target_os = "none"))]
 pub mod covariance_analysis;
 #[cfg(not(target_os = "none"))]
@@ -18,3 +19,6 @@ pub mod reference;
 pub mod report;
 #[cfg(not(target_os = "none"))]
 pub mod sim;
+pub mod simulator;
+#[cfg(not(target_os = "none"))]
+pub mod tracking;

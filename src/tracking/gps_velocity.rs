@@ -104,7 +104,7 @@ pub struct Report<T, const AXES: usize, const N: usize> {
     pub p_before: [T; N],
     /// Variances after.
     pub p_after: [T; N],
-    /// ∂ν/∂δx of the uncorrelated rows that were used, a row per channel; 0 where none was.
+    /// ∂ν/∂δx of the uncorrelated rows that were used, a row per channel in units of its σ0; 0 where none was.
     pub h: SMatrix<T, N, N>,
     /// Noise variance of each row of `h`; 1 where none was used.
     pub r: [T; N],
@@ -306,20 +306,32 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
             let used = outcome.map(Outcome::used);
             let white = reading.whiten(&used)?;
             for (axis, _) in used.iter().enumerate().filter(|(_, used)| **used) {
-                let (mut h, mut e) = (SMatrix::<T, 1, N>::zeros(), T::zero());
+                // the row over the unit of its own state, which then has exactly −1
+                let row = kind * AXES + axis;
+                let unit = at(&self.unit, row);
+                let mut h = SMatrix::<T, 1, N>::zeros();
+                let mut e = T::zero();
+                let mut alone = true;
                 for (k, (w, nu)) in white.w.row(axis).iter().zip(nu.iter()).enumerate() {
+                    let state = kind * AXES + k;
                     if *w != T::zero() {
-                        let state = kind * AXES + k;
+                        let w = *w / unit;
+                        let slope = -w * at(&self.unit, state);
+                        e += w * *nu - slope * at(&dx, state);
                         if let Some(h) = h.get_mut(state) {
-                            *h = -*w * at(&self.unit, state);
-                            e += *w * *nu - *h * at(&dx, state);
+                            *h = if k == axis { -T::one() } else { slope };
                         }
+                        alone &= k == axis;
                     }
                 }
-                let r = at(&white.r, axis);
+                let r = at(&white.r, axis) / unit / unit;
                 let done = covariance.update::<1>(&Rows {
                     nu: [e],
-                    h: Observation::Dense(h),
+                    h: if alone {
+                        Observation::Direct { first: row }
+                    } else {
+                        Observation::Dense(h)
+                    },
                     r: [r],
                     gate: None,
                 })?;
@@ -330,7 +342,6 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
                 for (sum, d) in report.decrease.iter_mut().zip(done.decrease) {
                     *sum += d;
                 }
-                let row = kind * AXES + axis;
                 for (j, h) in h.iter().enumerate() {
                     set(&mut report.h, row, j, *h);
                 }
@@ -423,7 +434,7 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
     /// The continuous model with the σ² of the last prediction.
     pub fn rates(&self) -> Rates<T, N> {
         let rate = T::one() / self.settings.model.tau;
-        let mut rates = Rates {
+        let mut rates: Rates<T, N> = Rates {
             f: SMatrix::zeros(),
             q: SVector::zeros(),
         };
