@@ -3,5 +3,6 @@
 
 mod run;
 pub mod scenario;
+pub mod twin;
 
 pub use run::{run, Config, Flag, Step};
