@@ -3,8 +3,9 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 #[cfg(not(target_os = "none"))]
-pub mod config;
 pub mod analysis;
+#[cfg(not(target_os = "none"))]
+pub mod config;
 #[cfg(not(target_os = "none"))]
 pub mod covariance_analysis;
 #[cfg(not(target_os = "none"))]
@@ -19,6 +20,5 @@ pub mod reference;
 pub mod report;
 #[cfg(not(target_os = "none"))]
 pub mod sim;
-pub mod simulator;
 #[cfg(not(target_os = "none"))]
 pub mod tracking;

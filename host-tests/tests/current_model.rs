@@ -1,6 +1,6 @@
 //! Φ, U and Q of the 'current' model against their integrals, and in single precision against double.
 
-use host_tests::simulator::Noise;
+use host_tests::tracking::scenario::Noise;
 use nalgebra::Matrix3;
 use navsight::linalg::Real;
 use navsight::tracking::Transition;

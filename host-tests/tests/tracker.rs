@@ -1,7 +1,7 @@
 //! The three-axis tracker: against its twin with irregular intervals, missing channels and correlated noise; its gate;
 //! what it refuses.
 
-use host_tests::simulator::Noise as Random;
+use host_tests::tracking::scenario::Noise as Random;
 use host_tests::tracking::twin::{Matrix, Twin, Vector};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use navsight::error::Error;

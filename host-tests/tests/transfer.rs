@@ -2,7 +2,7 @@
 //! follows from them.
 
 use host_tests::analysis::transfer::{continuous_gain, pulse, response, value, Gain, Transfer};
-use host_tests::simulator::Noise;
+use host_tests::tracking::scenario::Noise;
 use nalgebra::{Complex, ComplexField, Matrix3, SMatrix};
 use navsight::tracking::{
     AxisTracker, CurrentModel, Fix, Kinematics, Limits, Mean, Reading, Settings, Variance,

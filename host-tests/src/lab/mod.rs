@@ -35,7 +35,6 @@ enum Command {
     Covariance(covariance::Args),
     /// The filter on recorded data: attitude, biases and what was observable
     Replay(Box<replay::Args>),
-    Replay(replay::Args),
     /// Tracking by satellite positions and velocities: estimates, gains and what was observable
     Track(track::Args),
 }

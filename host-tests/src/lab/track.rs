@@ -217,6 +217,7 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
     let line = |label: &str, color, f: &dyn Fn(usize) -> f64| Series {
         label: label.into(),
         color,
+        width: 2,
         points: times.iter().enumerate().map(|(k, t)| (*t, f(k))).collect(),
     };
     let manoeuvre = truth.map(|d| d.from..d.from + d.lasts);

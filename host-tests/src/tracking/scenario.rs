@@ -1,6 +1,28 @@
 //! The vehicle and the receiver of Fang 1998, section 5: 5 m/s, then an acceleration of 20 s, then steady again.
 
-use crate::simulator::Noise;
+use rand::{rngs::StdRng, RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+
+/// Seeded random numbers.
+#[derive(Debug)]
+pub struct Noise(StdRng);
+
+impl Noise {
+    /// The same seed gives the same numbers.
+    pub fn new(seed: u64) -> Self {
+        Self(StdRng::seed_from_u64(seed))
+    }
+
+    /// Evenly from 0 to 1.
+    pub fn uniform(&mut self) -> f64 {
+        self.0.random()
+    }
+
+    /// Mean 0, variance 1.
+    pub fn normal(&mut self) -> f64 {
+        StandardNormal.sample(&mut self.0)
+    }
+}
 
 /// A straight drive with one acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
