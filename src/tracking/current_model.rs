@@ -377,9 +377,9 @@ mod tests {
         for x in [1e-4, 0.3, 1.4999, 1.5001, 7.0] {
             let t = Transition::<f64>::new(x, 1.0).unwrap();
             let newton = [0.5 * x * x, x, 0.0];
-            for k in 0..3 {
+            for ((phi, u), newton) in t.phi.iter().zip(t.u).zip(newton) {
                 // to rounding of the larger of the two
-                assert!((t.phi[k] + t.u[k] - newton[k]).abs() < 1e-14 * (1.0 + newton[k]));
+                assert!((phi + u - newton).abs() < 1e-14 * (1.0 + newton));
             }
             let gain = CurrentModel::current(1.0, Limits::new(2.0, -2.0)).gain(&t, 1.0);
             assert_eq!(gain, newton);

@@ -79,7 +79,10 @@ pub fn run(args: &Args) -> Result<(), LabError> {
     if args.json {
         super::print_json(&to_json(&steps))?;
     } else {
-        print!("{}", summary(&config, &times, &steps).to_text());
+        print!("{}", summary(&times, &steps).to_text());
+        if config.gate.is_some() {
+            println!("{}", outliers(&steps));
+        }
     }
     if let Some(folder) = &args.report {
         let truth = args.input.is_none().then_some(&drive);
@@ -87,6 +90,21 @@ pub fn run(args: &Args) -> Result<(), LabError> {
         eprintln!("written: {}", path.display());
     }
     Ok(())
+}
+
+fn count(steps: &[Step], what: Outcome) -> usize {
+    let outcomes = steps.iter().flat_map(|s| s.outcome);
+    outcomes.filter(|o| *o == what).count()
+}
+
+/// A sentence about what the gate did.
+fn outliers(steps: &[Step]) -> String {
+    let (rejected, believed) = (
+        count(steps, Outcome::Rejected),
+        count(steps, Outcome::Believed),
+    );
+    let all = 2 * steps.len() - count(steps, Outcome::Missing);
+    format!("Of {all} measurements {rejected} were rejected, and {believed} believed though outside their gate.")
 }
 
 /// Time of each step [s].
@@ -148,7 +166,7 @@ fn simulated(args: &Args, drive: &Drive) -> Result<Config, LabError> {
 /// Estimates of every step; the rest of every tenth, the first three and the last.
 fn to_json(steps: &[Step]) -> serde_json::Value {
     let last = steps.len() - 1;
-    let shown = |k: usize| k % 10 == 0 || k <= 2 || k == last;
+    let shown = |k: usize| k.is_multiple_of(10) || k <= 2 || k == last;
     json!({
         "x": steps.iter().map(|s| s.x).collect::<Vec<_>>(),
         "detail": steps.iter().filter(|s| shown(s.k)).collect::<Vec<_>>(),
@@ -159,7 +177,7 @@ fn sigma(step: &Step) -> [f64; 3] {
     [0, 3, 5].map(|i| step.p_upper[i].sqrt())
 }
 
-fn summary(config: &Config, times: &[f64], steps: &[Step]) -> Table {
+fn summary(times: &[f64], steps: &[Step]) -> Table {
     let mut table = Table::new(
         "Estimate, what it is known to (1σ), and how much was learnt (ξ2 = p0/p)",
         [
@@ -184,22 +202,6 @@ fn summary(config: &Config, times: &[f64], steps: &[Step]) -> Table {
             cells.extend([short(*x), short(sigma), short(xi2)]);
         }
         table.row(cells);
-    }
-    let count = |what: Outcome| {
-        steps
-            .iter()
-            .flat_map(|s| s.outcome)
-            .filter(|o| *o == what)
-            .count()
-    };
-    if config.gate.is_some() {
-        let mut row = vec![format!(
-            "outliers: {} rejected, {} believed",
-            count(Outcome::Rejected),
-            count(Outcome::Believed)
-        )];
-        row.resize(10, String::new());
-        table.row(row);
     }
     table
 }
@@ -227,21 +229,13 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
         chart.band = manoeuvre.clone();
         chart.svg()
     };
-    let rejected = steps
-        .iter()
-        .flat_map(|s| s.outcome)
-        .filter(|o| *o == Outcome::Rejected)
-        .count();
+    let rejected = count(steps, Outcome::Rejected);
     let tone = if rejected == 0 {
         Tone::Good
     } else {
         Tone::Note
     };
-    page.verdict(
-        tone,
-        "Were measurements refused?",
-        &format!("{rejected} of {} channels.", 2 * steps.len()),
-    );
+    page.verdict(tone, "Were measurements refused?", &outliers(steps));
     let used: usize = steps
         .iter()
         .map(|s| s.outcome.iter().filter(|o| o.used()).count())
@@ -325,19 +319,30 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
             }
         }
     };
+    // the first innovation and the one after an outage would flatten all others
+    let usual = |m: usize| {
+        let mut s: Vec<f64> = steps
+            .iter()
+            .map(|step| step.s[m])
+            .filter(|s| *s > 0.0)
+            .collect();
+        s.sort_by(f64::total_cmp);
+        s.get(s.len() / 2).map(|s| -6.0 * s.sqrt()..6.0 * s.sqrt())
+    };
     let pictures: Vec<String> = ["position, m", "velocity, m/s"]
         .iter()
         .enumerate()
         .map(|(m, name)| {
-            chart(
-                name,
-                Scale::Linear,
-                vec![
-                    line("", ORANGE, &bounds(m, 1.0)),
-                    line("", ORANGE, &bounds(m, -1.0)),
-                    line("", BLUE, &innovation(m)),
-                ],
-            )
+            let lines = vec![
+                line("", ORANGE, &bounds(m, 1.0)),
+                line("", ORANGE, &bounds(m, -1.0)),
+                line("", BLUE, &innovation(m)),
+            ];
+            let mut picture = Chart::new(*name, Scale::Linear, lines);
+            picture.x_label = "t, s".into();
+            picture.band = manoeuvre.clone();
+            picture.y_range = usual(m);
+            picture.svg()
         })
         .collect();
     page.figures(
@@ -376,6 +381,6 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
         "Degree of observability of each state, its rate, and what is left of σ.",
     );
     page.section("Numbers");
-    page.table(&summary(config, times, steps));
+    page.table(&summary(times, steps));
     page
 }
