@@ -46,9 +46,9 @@ pub mod mechanization;
 pub mod nav;
 pub mod observability;
 pub mod sensor;
+pub mod tracking;
 
 /// The code of the README is compiled with the tests of the library.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
-pub mod tracking;

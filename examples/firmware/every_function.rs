@@ -103,6 +103,7 @@ pub fn call() {
 fn scalars<T: Real>() {
     let x: T = number();
     keep((x.wide(), x.root(), x.finite()));
+    keep((any(x).exponential(), any(x).exponential_m1()));
     keep(linalg::two_add(any(x), any(x), any(x)));
     keep(linalg::skew(&matrix::<T, 3, 1>()));
 }
@@ -319,6 +320,8 @@ fn rates_by_blocks<T: Real, const M: usize>(p: &Covariance<T, 15, 120>) {
     let riccati = diagonal::xi1_riccati_blocks(p, &blocks, any(Some(&information)), any(1));
     indices(riccati);
     keep(DecreaseRate::blocks(p, &blocks, &information));
+}
+
 fn current_model<T: Real>() {
     let x: T = number();
     let limits = any(Limits::new(x, x));
