@@ -312,10 +312,11 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
                 let mut h = SMatrix::<T, 1, N>::zeros();
                 let mut e = T::zero();
                 let mut alone = true;
-                for (k, (w, nu)) in white.w.row(axis).iter().zip(nu.iter()).enumerate() {
+                for (k, nu) in nu.iter().enumerate() {
                     let state = kind * AXES + k;
-                    if *w != T::zero() {
-                        let w = *w / unit;
+                    let w = white.w.get((axis, k)).copied().unwrap_or_else(T::zero);
+                    if w != T::zero() {
+                        let w = w / unit;
                         let slope = -w * at(&self.unit, state);
                         e += w * *nu - slope * at(&dx, state);
                         if let Some(h) = h.get_mut(state) {
