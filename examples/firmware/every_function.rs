@@ -23,6 +23,10 @@ use navsight::observability::diagonal::{self, Index, Xi};
 use navsight::observability::riccati::{DecreaseRate, Information};
 use navsight::observability::spectrum::{self, Axes, Directions, Spectrum, ValuesOnly};
 use navsight::sensor::{self, Axis, Burst, Triad, Word};
+use navsight::tracking::{
+    AxisTracker, CurrentModel, Fix, Kinematics, Limits, LocalTracker, Mean, Noise, Reading,
+    Settings as TrackerSettings, Tracker, Transition, Variance,
+};
 
 /// Takes a result, so that its computation stays.
 #[inline(always)]
@@ -79,6 +83,16 @@ pub fn call() {
     by_blocks::<f32>();
     by_blocks::<f64>();
     keep(sensors());
+    current_model::<f32>();
+    current_model::<f64>();
+    tracker::<f32, 1, 3, 6>();
+    tracker::<f64, 1, 3, 6>();
+    tracker::<f32, 3, 9, 45>();
+    tracker::<f64, 3, 9, 45>();
+    keep((
+        AxisTracker::<f32>::NORMALISED,
+        LocalTracker::<f32>::NORMALISED,
+    ));
     // What a refused construction leaves out stays linked: the optimizer does not know whether it is refused.
     keep(navigator().and_then(|nav| {
         measurements(&nav)?;
@@ -89,6 +103,7 @@ pub fn call() {
 fn scalars<T: Real>() {
     let x: T = number();
     keep((x.wide(), x.root(), x.finite()));
+    keep((any(x).exponential(), any(x).exponential_m1()));
     keep(linalg::two_add(any(x), any(x), any(x)));
     keep(linalg::skew(&matrix::<T, 3, 1>()));
 }
@@ -305,6 +320,51 @@ fn rates_by_blocks<T: Real, const M: usize>(p: &Covariance<T, 15, 120>) {
     let riccati = diagonal::xi1_riccati_blocks(p, &blocks, any(Some(&information)), any(1));
     indices(riccati);
     keep(DecreaseRate::blocks(p, &blocks, &information));
+}
+
+fn current_model<T: Real>() {
+    let x: T = number();
+    let limits = any(Limits::new(x, x));
+    keep((limits.variance(any(x)), Limits::paper(any(x), any(x))));
+    keep(CurrentModel::singer(any(x), any(x)));
+    let mut model = any(CurrentModel::current(x, limits));
+    model.mean = any(Mean::Zero);
+    model.variance = any(Variance::Fixed(x));
+    keep((model.check(), model.sigma2(any(x))));
+    if let Ok(over) = Transition::new(any(x), any(x)) {
+        keep((over.noise(any(x)), model.gain(&over, any(x))));
+    }
+}
+
+fn tracker<T: Real, const AXES: usize, const N: usize, const L: usize>() {
+    let all = any([number::<T>(); AXES]);
+    let kinematics = any(Kinematics {
+        position: all,
+        velocity: all,
+        acceleration: all,
+    });
+    let model = CurrentModel::current(number(), any(Limits::new(number(), number())));
+    let settings = any(TrackerSettings::new(model));
+    let Ok(mut tracker) = Tracker::<T, AXES, N, L>::new(&kinematics, &kinematics, settings) else {
+        return;
+    };
+    keep(tracker.predict(any(number())));
+    let mut reading = any(Reading::new(all, number()));
+    if any(true) {
+        reading.noise = Noise::Correlated(matrix());
+    }
+    let fix = any(Fix {
+        position: Some(reading),
+        velocity: Some(reading),
+    });
+    if let Ok(report) = tracker.update(&fix) {
+        keep((report.used(), report.outcome.map(|o| o.map(|o| o.used()))));
+        keep(report.information(any(number())));
+        keep(report);
+    }
+    keep((tracker.state(), tracker.sigma(), tracker.covariance()));
+    keep((tracker.sigma0(), tracker.sigma2(), tracker.rates()));
+    keep(tracker);
 }
 
 fn sample() -> ImuIncrement {

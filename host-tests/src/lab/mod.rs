@@ -11,6 +11,7 @@ pub mod history;
 pub mod replay;
 pub mod solution;
 pub mod states;
+pub mod track;
 
 pub use error::LabError;
 
@@ -34,6 +35,8 @@ enum Command {
     Covariance(covariance::Args),
     /// The filter on recorded data: attitude, biases and what was observable
     Replay(Box<replay::Args>),
+    /// Tracking by satellite positions and velocities: estimates, gains and what was observable
+    Track(track::Args),
 }
 
 /// Parses the command line, runs the command, and turns a failure into one line and exit code 2.
@@ -43,6 +46,7 @@ pub fn main() -> ExitCode {
             Command::Align(args) => align::run(&args),
             Command::Covariance(args) => covariance::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Track(args) => track::run(&args),
         },
         Err(help)
             if matches!(
