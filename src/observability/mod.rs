@@ -19,3 +19,4 @@ mod jacobi;
 pub mod riccati;
 pub mod spectrum;
 mod triangle;
+pub mod structural;
