@@ -20,3 +20,6 @@ pub mod riccati;
 pub mod spectrum;
 mod triangle;
 pub mod structural;
+pub mod comprehensive;
+mod one_sided;
+pub mod pwcs;
