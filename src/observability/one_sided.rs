@@ -90,3 +90,73 @@ pub(super) fn rotate<T: Real, const R: usize, const C: usize>(
     }
     false
 }
+
+/// Upper triangle R with RᵀR = Σ rowᵀ row: what many measurement rows come to, without their product (f32 would lose half
+/// of its digits in RᵀR).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Triangle<T, const N: usize> {
+    /// Row i holds zeros before column i.
+    pub rows: [[T; N]; N],
+}
+
+impl<T: Real, const N: usize> Triangle<T, N> {
+    pub fn new() -> Self {
+        Self {
+            rows: [[T::zero(); N]; N],
+        }
+    }
+
+    /// Adds a row by Givens rotations.
+    pub fn add(&mut self, row: &[T; N]) {
+        let mut new = *row;
+        for (i, r) in self.rows.iter_mut().enumerate() {
+            let (Some(r), Some(new)) = (r.get_mut(i..), new.get_mut(i..)) else {
+                return;
+            };
+            let (Some(a), Some(b)) = (r.first().copied(), new.first().copied()) else {
+                return;
+            };
+            if b == T::zero() {
+                continue;
+            }
+            // The larger of the two is taken out, so that no square overflows or vanishes.
+            let (cos, sin) = if a.abs() > b.abs() {
+                let t = b / a;
+                let c = T::one() / (T::one() + t * t).root();
+                (c, c * t)
+            } else {
+                let t = a / b;
+                let s = T::one() / (T::one() + t * t).root();
+                (s * t, s)
+            };
+            turn(r, new, cos, sin);
+            if let Some(x) = new.first_mut() {
+                *x = T::zero();
+            }
+        }
+    }
+
+    /// Columns of R, to be rotated until they are orthogonal.
+    pub fn columns(&self) -> [[T; N]; N] {
+        let mut columns = [[T::zero(); N]; N];
+        for (i, row) in self.rows.iter().enumerate() {
+            for (x, column) in row.iter().zip(&mut columns) {
+                if let Some(place) = column.get_mut(i) {
+                    *place = *x;
+                }
+            }
+        }
+        columns
+    }
+}
+
+/// The identity, as axes to begin with.
+pub(super) fn identity<T: Real, const C: usize>() -> [[T; C]; C] {
+    let mut axes = [[T::zero(); C]; C];
+    for (i, axis) in axes.iter_mut().enumerate() {
+        if let Some(x) = axis.get_mut(i) {
+            *x = T::one();
+        }
+    }
+    axes
+}

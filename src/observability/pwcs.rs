@@ -432,6 +432,10 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
         h: &SMatrix<T, M, N>,
         before: Option<&SMatrix<T, N, N>>,
     ) -> Result<(), Error> {
+        let broken = |m: &SMatrix<T, N, N>| !m.iter().all(|x| x.finite());
+        if broken(f) || before.is_some_and(broken) {
+            return Err(Error::NonFinite);
+        }
         self.begin(h)?;
         // Every chain has at most N rows.
         for _ in 0..=N * M {
