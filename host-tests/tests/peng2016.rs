@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use navsight::linalg::Real;
 use navsight::observability::comprehensive::*;
 use navsight::observability::pwcs::*;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde_json::Value;
 
 const NAMES: [&str; 12] = [
@@ -44,7 +44,18 @@ fn sigma<T: Real>() -> SVector<T, 12> {
     let deg = 1f64.to_radians();
     let (gyro, accel) = (0.05 * deg / 3600.0, 100e-6 * 9.80665);
     SVector::from([
-        0.5 * deg, 0.5 * deg, deg, 0.15, 0.15, 0.15, gyro, gyro, gyro, accel, accel, accel,
+        0.5 * deg,
+        0.5 * deg,
+        deg,
+        0.15,
+        0.15,
+        0.15,
+        gyro,
+        gyro,
+        gyro,
+        accel,
+        accel,
+        accel,
     ])
     .map(T::of)
 }
@@ -59,7 +70,11 @@ fn c_b_n(psi: f64) -> Matrix3<f64> {
 fn model<T: Real>(psi: f64) -> SMatrix<T, 12, 12> {
     let golden = golden();
     let c = &golden["constants"];
-    let (g, w, lat) = (num(&c["g"]), num(&c["wie"]), num(&c["lat_deg"]).to_radians());
+    let (g, w, lat) = (
+        num(&c["g"]),
+        num(&c["wie"]),
+        num(&c["lat_deg"]).to_radians(),
+    );
     let cross = |v: Vector3<f64>| v.cross_matrix();
     let mut f = SMatrix::<f64, 12, 12>::zeros();
     let omega = Vector3::new(0.0, w * lat.cos(), w * lat.sin());
@@ -117,7 +132,11 @@ fn compare<T: Real, const M: usize>(
         let name = row["pivot"].as_str().unwrap();
         let state = NAMES.iter().position(|n| *n == name).unwrap();
         let ours = of_state(&staged, state).expect(name);
-        assert_eq!(u64::from(ours.order), row["order"].as_u64().unwrap(), "{name}");
+        assert_eq!(
+            u64::from(ours.order),
+            row["order"].as_u64().unwrap(),
+            "{name}"
+        );
         close(ours.degree.wide(), num(&row["u_pivot"]), relative, name);
         let printed = &row["u"];
         let sign = num(&printed[name]).signum();
@@ -167,7 +186,11 @@ fn table_2_in_f32() {
         let name = row["pivot"].as_str().unwrap();
         let state = NAMES.iter().position(|n| *n == name).unwrap();
         let ours = of_state(&staged, state).expect(name);
-        assert_eq!(u64::from(ours.order), row["order"].as_u64().unwrap(), "{name}");
+        assert_eq!(
+            u64::from(ours.order),
+            row["order"].as_u64().unwrap(),
+            "{name}"
+        );
         close(f64::from(ours.degree), num(&row["u_pivot"]), 1e-5, name);
     }
 }
@@ -231,10 +254,14 @@ fn closed_form_agrees_with_the_golden_one() {
     };
     let h = one_position();
     let s = staged(&f, &h);
-    check(&g["table1"], &|given, j| min_norm_degree(&f, &h, &s, given, j));
+    check(&g["table1"], &|given, j| {
+        min_norm_degree(&f, &h, &s, given, j)
+    });
     let h = two_positions(psi1);
     let s = staged(&f, &h);
-    check(&g["table2"], &|given, j| min_norm_degree(&f, &h, &s, given, j));
+    check(&g["table2"], &|given, j| {
+        min_norm_degree(&f, &h, &s, given, j)
+    });
 }
 
 #[test]

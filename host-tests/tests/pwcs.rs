@@ -1,10 +1,12 @@
 //! Ranks of the filter's 15-state model: at rest, after a turn, in f32 anywhere, and a system that grows by segments.
 #![cfg(not(target_os = "none"))]
 
-use navsight::error_model::{discrete::phi_minus_identity, psi, BiasModel, Environment, ATT, BG, POS, VEL};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
+use navsight::error_model::{
+    discrete::phi_minus_identity, psi, BiasModel, Environment, ATT, BG, POS, VEL,
+};
 use navsight::linalg::Real;
 use navsight::observability::pwcs::*;
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 type F = SMatrix<f64, 15, 15>;
 
@@ -25,7 +27,10 @@ fn sigma() -> SVector<f64, 15> {
 /// F at rest, with or without the way from position to velocity (change of gravity).
 fn at_rest(lat: f64, c_b_n: &Matrix3<f64>, feedback: bool) -> F {
     let env = Environment::wgs84(lat, 0.0, Vector3::zeros());
-    let bias = BiasModel { rate_g: 0.0, rate_a: 0.0 };
+    let bias = BiasModel {
+        rate_g: 0.0,
+        rate_a: 0.0,
+    };
     let mut f = psi::f_matrix(&env, c_b_n, &Vector3::new(0.0, 0.0, env.gravity), &bias);
     if !feedback {
         f.fixed_view_mut::<3, 3>(VEL, POS).fill(0.0);
@@ -56,7 +61,11 @@ fn ranks<T: Real, const M: usize>(fs: &[F], h: &SMatrix<f64, M, 15>, total: bool
         .map(|(k, f)| {
             let phi = before.map(T::of);
             staged
-                .segment(&f.map(T::of), &h.map(T::of), (total && k > 0).then_some(&phi))
+                .segment(
+                    &f.map(T::of),
+                    &h.map(T::of),
+                    (total && k > 0).then_some(&phi),
+                )
                 .unwrap();
             // 300 s in each segment
             before = (F::identity() + phi_minus_identity(f, 300.0, 20)) * before;
@@ -88,7 +97,11 @@ fn rest_and_a_half_turn() {
             ranks::<f64, 6>(&fs, &both, false),
         ];
         assert_eq!([v[0], p[0], both[0]], [9, 12, 12], "at rest");
-        assert_eq!([v[1], p[1], both[1]], after, "after the turn, feedback {feedback}");
+        assert_eq!(
+            [v[1], p[1], both[1]],
+            after,
+            "after the turn, feedback {feedback}"
+        );
     }
 }
 
@@ -102,9 +115,15 @@ fn the_total_matrix_sees_what_the_stripped_one_sees_at_rest_and_after_a_turn() {
     // Where null(Q_k) ⊂ null(F_k) the two are one; with gravity's feedback velocity alone misses that (Schuler), and
     // the total matrix may see more, never less.
     let h = measure::<6>(&[POS, VEL]);
-    assert_eq!(ranks::<f64, 6>(&fs, &h, true), ranks::<f64, 6>(&fs, &h, false));
+    assert_eq!(
+        ranks::<f64, 6>(&fs, &h, true),
+        ranks::<f64, 6>(&fs, &h, false)
+    );
     let h = measure::<3>(&[VEL]);
-    let (total, stripped) = (ranks::<f64, 3>(&fs, &h, true), ranks::<f64, 3>(&fs, &h, false));
+    let (total, stripped) = (
+        ranks::<f64, 3>(&fs, &h, true),
+        ranks::<f64, 3>(&fs, &h, false),
+    );
     assert_eq!(total[0], stripped[0]);
     assert!(total[1] >= stripped[1], "{total:?} {stripped:?}");
 }
@@ -114,7 +133,10 @@ struct Dice(u64);
 
 impl Dice {
     fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         (self.0 >> 33) as f64 / (1u64 << 31) as f64
     }
 }
@@ -124,14 +146,21 @@ fn f32_ranks_are_right_at_200_places_and_attitudes() {
     let mut dice = Dice(7);
     for n in 0..200 {
         let lat = (140.0 * dice.roll() - 70.0f64).to_radians();
-        let mut turn = || Rotation3::from_euler_angles(6.28 * dice.roll(), 3.14 * dice.roll(), 6.28 * dice.roll());
+        let mut turn = || {
+            Rotation3::from_euler_angles(6.28 * dice.roll(), 3.14 * dice.roll(), 6.28 * dice.roll())
+        };
         let (c, other) = (*turn().matrix(), *turn().matrix());
         let f = [at_rest(lat, &c, true)];
         assert_eq!(ranks::<f32, 3>(&f, &measure(&[VEL]), false), [9], "{n} V");
-        assert_eq!(ranks::<f32, 6>(&f, &measure(&[POS, VEL]), false), [12], "{n} P and V");
+        assert_eq!(
+            ranks::<f32, 6>(&f, &measure(&[POS, VEL]), false),
+            [12],
+            "{n} P and V"
+        );
         // The north gyro bias that another attitude has found.
         let mut h = SMatrix::<f64, 4, 15>::zeros();
-        h.fixed_view_mut::<3, 15>(0, 0).copy_from(&measure::<3>(&[VEL]));
+        h.fixed_view_mut::<3, 15>(0, 0)
+            .copy_from(&measure::<3>(&[VEL]));
         h.fixed_view_mut::<1, 3>(3, BG).copy_from(&other.row(1));
         assert_eq!(ranks::<f32, 4>(&f, &h, false), [10], "{n} V and a gyro");
     }
@@ -172,9 +201,15 @@ fn broken_models_are_refused_and_nothing_changes() {
     assert_eq!(staged.rank(), 9);
     let mut scale = Scale::<f64, 15>::plain(1e-9);
     scale.sigma[3] = 0.0;
-    assert_eq!(Staged::<f64, 15, 3>::new(&scale).unwrap_err(), Error::OutOfRange);
+    assert_eq!(
+        Staged::<f64, 15, 3>::new(&scale).unwrap_err(),
+        Error::OutOfRange
+    );
     scale.sigma[3] = f64::NAN;
-    assert_eq!(Staged::<f64, 15, 3>::new(&scale).unwrap_err(), Error::NonFinite);
+    assert_eq!(
+        Staged::<f64, 15, 3>::new(&scale).unwrap_err(),
+        Error::NonFinite
+    );
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! Eigenvalue degree (Yang and Yin), and the three exact links between Lu, Yang and Peng.
 #![cfg(not(target_os = "none"))]
 
+use nalgebra::{SMatrix, SVector, Vector3};
 use navsight::linalg::Real;
 use navsight::observability::ceiling::*;
 use navsight::observability::comprehensive::*;
 use navsight::observability::eigen_degree::*;
 use navsight::observability::pwcs::*;
-use nalgebra::{SMatrix, SVector, Vector3};
 use serde_json::Value;
 
 const G: f64 = 9.80665;
@@ -21,7 +21,10 @@ fn num(v: &Value) -> f64 {
 }
 
 fn close(a: f64, b: f64, relative: f64, what: &str) {
-    assert!((a - b).abs() <= relative * b.abs(), "{what}: {a:e} against {b:e}");
+    assert!(
+        (a - b).abs() <= relative * b.abs(),
+        "{what}: {a:e} against {b:e}"
+    );
 }
 
 /// Earth rate at 40°, east-north-up.
@@ -43,7 +46,8 @@ fn sins15() -> (SMatrix<f64, 15, 15>, SMatrix<f64, 6, 15>) {
         .copy_from(&Vector3::new(0.0, 0.0, G).cross_matrix());
     f.fixed_view_mut::<3, 3>(0, 12).fill_with_identity();
     f.fixed_view_mut::<3, 3>(3, 0).fill_with_identity();
-    f.fixed_view_mut::<3, 3>(6, 6).copy_from(&-omega().cross_matrix());
+    f.fixed_view_mut::<3, 3>(6, 6)
+        .copy_from(&-omega().cross_matrix());
     f.fixed_view_mut::<3, 3>(6, 9).fill_diagonal(-1.0);
     let mut h = SMatrix::<f64, 6, 15>::zeros();
     h.fixed_view_mut::<6, 6>(0, 0).fill_with_identity();
@@ -55,9 +59,15 @@ const NAMES15: [&str; 15] = [
 ];
 fn kinds15() -> [Kind; 15] {
     let mut kinds = [Kind::Velocity; 15];
-    for (i, kind) in [Kind::Velocity, Kind::Position, Kind::Attitude, Kind::GyroBias, Kind::AccelBias]
-        .into_iter()
-        .enumerate()
+    for (i, kind) in [
+        Kind::Velocity,
+        Kind::Position,
+        Kind::Attitude,
+        Kind::GyroBias,
+        Kind::AccelBias,
+    ]
+    .into_iter()
+    .enumerate()
     {
         kinds[3 * i..3 * i + 3].fill(kind);
     }
@@ -75,7 +85,8 @@ fn sigma15() -> [f64; 15] {
 /// The base on which the three papers are compared: phi, dV, eps, nab; velocity only.
 fn base12() -> (SMatrix<f64, 12, 12>, SMatrix<f64, 3, 12>) {
     let mut f = SMatrix::<f64, 12, 12>::zeros();
-    f.fixed_view_mut::<3, 3>(0, 0).copy_from(&-omega().cross_matrix());
+    f.fixed_view_mut::<3, 3>(0, 0)
+        .copy_from(&-omega().cross_matrix());
     f.fixed_view_mut::<3, 3>(0, 6).fill_diagonal(-1.0);
     f.fixed_view_mut::<3, 3>(3, 0)
         .copy_from(&Vector3::new(0.0, 0.0, G).cross_matrix());
@@ -136,7 +147,12 @@ fn compare<const N: usize, const M: usize>(
             if lambda == 0.0 {
                 assert!(e.lambda <= 1e-12 * largest, "{what} {i}: {:e}", e.lambda);
             } else {
-                close(e.lambda, num(&golden[i]["lambda"]), 1e-6, &format!("{what} {i}"));
+                close(
+                    e.lambda,
+                    num(&golden[i]["lambda"]),
+                    1e-6,
+                    &format!("{what} {i}"),
+                );
             }
             have.push(e.min_order);
             want.push(golden[i]["min_order"].as_u64().map(|k| k as u8));
@@ -147,7 +163,10 @@ fn compare<const N: usize, const M: usize>(
                 for (name, y) in golden[i]["y"].as_object().unwrap() {
                     let j = names.iter().position(|n| n == name).unwrap();
                     let (have, want) = (e.vector[j].abs(), num(y).abs());
-                    assert!((have - want).abs() < 2e-8, "{what} {i} {name} {have} {want}");
+                    assert!(
+                        (have - want).abs() < 2e-8,
+                        "{what} {i} {name} {have} {want}"
+                    );
                 }
             }
         }
@@ -169,7 +188,12 @@ fn three_states_for_all_five_parameters() {
         s.segment(&f, &h, None).unwrap();
         assert_eq!(s.rank() as u64, want["rank"].as_u64().unwrap());
         let e = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap().run(&f);
-        compare(&e, want["eig"].as_array().unwrap(), &["x1", "x2", "x3"], &format!("a = {a}"));
+        compare(
+            &e,
+            want["eig"].as_array().unwrap(),
+            &["x1", "x2", "x3"],
+            &format!("a = {a}"),
+        );
     }
 }
 
@@ -182,7 +206,11 @@ fn static_base_raw_and_scaled() {
     assert_eq!(s.rank() as u64, g["rank_raw"].as_u64().unwrap());
     let e = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap().run(&f);
     compare(&e, g["raw"].as_array().unwrap(), &NAMES15, "raw");
-    for (name, t) in [("scaled_T60", 60.0), ("scaled_T300", 300.0), ("scaled_T600", 600.0)] {
+    for (name, t) in [
+        ("scaled_T60", 60.0),
+        ("scaled_T300", 300.0),
+        ("scaled_T600", 600.0),
+    ] {
         let noise = [1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0];
         let form = Form::scaled(sigma15(), noise, t);
         let e = EigenDegree::new(&f, &h, &form, &s).unwrap().run(&f);
@@ -227,7 +255,12 @@ fn three_papers_on_one_base() {
             } else {
                 close(share[j], null, 1e-9, name);
                 close(scaled.null_share(j), null, 1e-6, name);
-                close(raw.null_share(j), num(&want["yang_raw_null_share"]), 1e-5, name);
+                close(
+                    raw.null_share(j),
+                    num(&want["yang_raw_null_share"]),
+                    1e-5,
+                    name,
+                );
             }
             for (given, key) in [(&[][..], "peng_strict"), (&kinds[..], "peng_given")] {
                 let ours = min_norm_degree(&f, &h, &s, given, j);
@@ -277,7 +310,9 @@ fn gramian(seconds: usize) -> Gramian<f64, 12> {
     for _ in 0..seconds {
         w.propagate(&a);
         for row in h.row_iter() {
-            w.observe(&SVector::<f64, 12>::from_fn(|j, _| row[j] * sigma[j] / 1e-3));
+            w.observe(&SVector::<f64, 12>::from_fn(|j, _| {
+                row[j] * sigma[j] / 1e-3
+            }));
         }
     }
     w
@@ -299,7 +334,11 @@ fn link_1_xi2_rises_to_its_ceiling_and_not_above() {
             let xi2 = xi2[j];
             // The golden covariance filter lost digits of dV after 3600 s in f64: 4.2e-6 from a 50-digit run, which prints
             // 9007569.24772 for dVE where this one has 9007569.24772.
-            let tolerance = if key == "xi2_6T" && (3..6).contains(&j) { 5e-6 } else { 1e-7 };
+            let tolerance = if key == "xi2_6T" && (3..6).contains(&j) {
+                5e-6
+            } else {
+                1e-7
+            };
             close(xi2, num(&want[key]), tolerance, &format!("{name} {key}"));
             match want["ceiling"].as_f64() {
                 Some(c) => {
@@ -314,8 +353,16 @@ fn link_1_xi2_rises_to_its_ceiling_and_not_above() {
     }
     // Peng's couplings give the same ceiling: 1 + 1/Σc² for a combination of which the others are not seen.
     let heading = of_state(&s, 2).unwrap();
-    let sum: f64 = (0..12).filter(|j| *j != 2).map(|j| heading.coupling[j].powi(2)).sum();
-    close(1.0 + 1.0 / sum, ceiling(share[2]).unwrap(), 1e-3, "couplings");
+    let sum: f64 = (0..12)
+        .filter(|j| *j != 2)
+        .map(|j| heading.coupling[j].powi(2))
+        .sum();
+    close(
+        1.0 + 1.0 / sum,
+        ceiling(share[2]).unwrap(),
+        1e-3,
+        "couplings",
+    );
 }
 
 #[test]
@@ -327,8 +374,18 @@ fn link_2_eta2_is_one_plus_the_information() {
     let tolerance = num(&g["max_rel_diff"]);
     assert!(tolerance < 5e-5);
     for i in 0..12 {
-        close(1.0 + ours[i], num(&g["eta2_initial_state"][i]), 5e-5, &format!("η2 {i}"));
-        close(1.0 + ours[i], num(&g["one_plus_lambda_gramian"][i]), 5e-5, &format!("Gramian {i}"));
+        close(
+            1.0 + ours[i],
+            num(&g["eta2_initial_state"][i]),
+            5e-5,
+            &format!("η2 {i}"),
+        );
+        close(
+            1.0 + ours[i],
+            num(&g["one_plus_lambda_gramian"][i]),
+            5e-5,
+            &format!("Gramian {i}"),
+        );
     }
 }
 
@@ -386,7 +443,11 @@ fn f32_finds_the_same_rank_orders_and_eigenvalues() {
         if want > 0.0 {
             close(f64::from(ours.lambda), want, 2e-3, &format!("{i}"));
         } else {
-            assert!(f64::from(ours.lambda) < 1e-12 * largest, "{i}: {:e}", ours.lambda);
+            assert!(
+                f64::from(ours.lambda) < 1e-12 * largest,
+                "{i}: {:e}",
+                ours.lambda
+            );
         }
         assert_eq!(ours.min_order.is_none(), want == 0.0);
     }
@@ -424,11 +485,24 @@ fn the_table_of_agreement() {
         assert_eq!(view.class == Some(Class::Unique), view.strict);
     }
     let names = [
-        "east tilt", "north tilt", "heading", "v east", "v north", "v up", "the east gyro",
-        "the north gyro", "the up gyro", "the east accelerometer", "the north accelerometer",
+        "east tilt",
+        "north tilt",
+        "heading",
+        "v east",
+        "v north",
+        "v up",
+        "the east gyro",
+        "the north gyro",
+        "the up gyro",
+        "the east accelerometer",
+        "the north accelerometer",
         "the up accelerometer",
     ];
-    let say = |j: usize, xi2: f64| see(j, xi2).sentence(&limits, &names, &kinds12()).to_string();
+    let say = |j: usize, xi2: f64| {
+        see(j, xi2)
+            .sentence(&limits, &names, &kinds12())
+            .to_string()
+    };
     assert_eq!(
         say(2, 389.7),
         "heading cannot improve further: it is tied to the east gyro; turn the vehicle"
@@ -442,7 +516,11 @@ fn the_table_of_agreement() {
         "the up gyro can be learnt but has not been yet: it shows only in derivative 3 of the measurement; give it time"
     );
     // Closed-loop re-linearisation lifts heading to 424 against 404, Markov biases to 414: no alarm. 900 is a fault.
-    for (xi2, flag) in [(414.0, Flag::PriorOnly), (424.0, Flag::PriorOnly), (900.0, Flag::Contradiction)] {
+    for (xi2, flag) in [
+        (414.0, Flag::PriorOnly),
+        (424.0, Flag::PriorOnly),
+        (900.0, Flag::Contradiction),
+    ] {
         assert_eq!(see(2, xi2).flag(&limits), flag);
     }
     assert_eq!(see(6, 1.2).flag(&limits), Flag::Contradiction);
@@ -453,7 +531,10 @@ fn the_table_of_agreement() {
     let view = direction(&s, &unseen, 1.0, &limits);
     assert!((view.share - 1.0).abs() < 1e-9 && view.flag == Flag::Agree);
     assert_eq!((view.main, view.next), (6, None));
-    assert_eq!(direction(&s, &unseen, 1.3, &limits).flag, Flag::Contradiction);
+    assert_eq!(
+        direction(&s, &unseen, 1.3, &limits).flag,
+        Flag::Contradiction
+    );
     let mut seen = [0.0; 12];
     (seen[2], seen[6]) = (wn * SIGMA_PHI[2], SIGMA_EPS);
     assert_eq!(direction(&s, &seen, 1.1e4, &limits).flag, Flag::Agree);

@@ -175,9 +175,7 @@ impl<T: Real> View<T> {
         Sentence {
             name: name(self.state),
             partner: self.partner.map(name),
-            advice: self
-                .partner
-                .and_then(|p| advice(kind(self.state), kind(p))),
+            advice: self.partner.and_then(|p| advice(kind(self.state), kind(p))),
             flag: self.flag(limits),
             order: self.order,
             ceiling,

@@ -256,7 +256,8 @@ fn known<T: Real, const N: usize, const M: usize>(
     for _ in 0..N {
         let mut best = (T::zero(), 0, 0);
         for (i, row) in rows.iter().enumerate() {
-            for (j, ((x, unit), sigma)) in row.iter().zip(&scale.unit).zip(&scale.sigma).enumerate() {
+            for (j, ((x, unit), sigma)) in row.iter().zip(&scale.unit).zip(&scale.sigma).enumerate()
+            {
                 let size = (*x * *unit / *sigma).abs();
                 if done >> (i & 63) & 1 == 0 && size > best.0 {
                     best = (size, i, j);

@@ -212,10 +212,13 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
             Phase::Rotate => {
                 let (p, q) = self.at;
                 if q < N {
-                    self.moved |=
-                        rotate_pair(&mut self.triangle.rows, Some(&mut self.axes), p, q);
+                    self.moved |= rotate_pair(&mut self.triangle.rows, Some(&mut self.axes), p, q);
                 }
-                self.at = if q + 1 < N { (p, q + 1) } else { (p + 1, p + 2) };
+                self.at = if q + 1 < N {
+                    (p, q + 1)
+                } else {
+                    (p + 1, p + 2)
+                };
                 if self.at.1 >= N {
                     self.sweeps += 1;
                     if !self.moved || self.sweeps >= SWEEPS {
@@ -343,7 +346,11 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
         }
         // Parts inside the basis of the vectors start … end, at the front of a table.
         let mut inside = [[T::zero(); N]; N];
-        for (parts, axis) in inside.iter_mut().zip(self.axes.iter().skip(start)).take(end - start) {
+        for (parts, axis) in inside
+            .iter_mut()
+            .zip(self.axes.iter().skip(start))
+            .take(end - start)
+        {
             for (part, v) in parts.iter_mut().zip(basis.vectors.iter().take(basis.len)) {
                 *part = dot(v, axis);
             }
@@ -352,7 +359,13 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
             let mut turn = identity::<T, N>();
             rotate(&mut inside, Some(&mut turn));
             let old = self.axes;
-            for (new, weights) in self.axes.iter_mut().skip(start).zip(&turn).take(end - start) {
+            for (new, weights) in self
+                .axes
+                .iter_mut()
+                .skip(start)
+                .zip(&turn)
+                .take(end - start)
+            {
                 *new = [T::zero(); N];
                 for (axis, w) in old.iter().skip(start).zip(weights).take(end - start) {
                     for (x, y) in new.iter_mut().zip(axis) {

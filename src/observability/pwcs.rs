@@ -216,12 +216,7 @@ impl<T: Real, const N: usize> Rows<T, N> {
     }
 
     /// Reduces a row by the accepted ones, and `p` with it; true where something new is left.
-    fn reduce(
-        &self,
-        row: &mut [T; N],
-        tolerance: T,
-        mut each: impl FnMut(usize, T),
-    ) -> bool {
+    fn reduce(&self, row: &mut [T; N], tolerance: T, mut each: impl FnMut(usize, T)) -> bool {
         let length = square(row);
         for (a, (u, pivot)) in self.u.iter().zip(&self.pivot).take(self.len).enumerate() {
             let factor = get(row, usize::from(*pivot), T::zero());
@@ -401,7 +396,9 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
             fresh
         } else {
             let mut reduced = row;
-            let fresh = self.own.reduce(&mut reduced, self.scale.tolerance, |_, _| {});
+            let fresh = self
+                .own
+                .reduce(&mut reduced, self.scale.tolerance, |_, _| {});
             if fresh {
                 self.own.accept(&mut reduced, &self.weight, |_, _| {});
             }
@@ -463,12 +460,7 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
     }
 
     /// Reduces a row, and takes it in where something new is left.
-    fn offer(
-        &mut self,
-        row: &[T; N],
-        before: Option<&SMatrix<T, N, N>>,
-        origin: Origin,
-    ) -> bool {
+    fn offer(&mut self, row: &[T; N], before: Option<&SMatrix<T, N, N>>, origin: Origin) -> bool {
         let mut reduced = match before {
             None => *row,
             Some(phi) => {
@@ -503,13 +495,11 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
         // The row is scaled by its pivot first, and p with it, before the others are cleared.
         let at = self.rows.len;
         let mut cleared = [T::zero(); N];
-        let inverse = self
-            .rows
-            .accept(&mut reduced, &self.weight, |a, factor| {
-                if let Some(c) = cleared.get_mut(a) {
-                    *c = factor;
-                }
-            });
+        let inverse = self.rows.accept(&mut reduced, &self.weight, |a, factor| {
+            if let Some(c) = cleared.get_mut(a) {
+                *c = factor;
+            }
+        });
         for x in &mut q {
             *x *= inverse;
         }
