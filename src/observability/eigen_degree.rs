@@ -37,6 +37,8 @@ pub struct Form<T, const N: usize, const M: usize> {
     pub row: [T; M],
     /// T of the weight Tᵏ/k! of block k [s]; `None`: no weight.
     pub interval: Option<T>,
+    /// Blocks of Q: orders 0 … blocks − 1. N by default.
+    pub blocks: usize,
 }
 
 impl<T: Real, const N: usize, const M: usize> Form<T, N, M> {
@@ -47,6 +49,7 @@ impl<T: Real, const N: usize, const M: usize> Form<T, N, M> {
             state: [T::one(); N],
             row: [T::one(); M],
             interval: None,
+            blocks: N,
         }
     }
 
@@ -56,6 +59,7 @@ impl<T: Real, const N: usize, const M: usize> Form<T, N, M> {
             state: sigma0,
             row: row_sigma,
             interval: Some(interval),
+            blocks: N,
         }
     }
 }
@@ -199,7 +203,7 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
                 self.at.0 += 1;
                 if self.at.0 >= M {
                     self.at.0 = 0;
-                    if usize::from(self.blocks.order) + 1 >= N {
+                    if usize::from(self.blocks.order) + 1 >= self.form.blocks.min(N) {
                         // From here on the triangle holds columns.
                         self.triangle.rows = self.triangle.columns();
                         self.phase = Phase::Rotate;
@@ -235,7 +239,7 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
                     self.minimal_orders(f);
                 }
                 self.naive_orders();
-                if usize::from(self.blocks.order) + 1 >= N {
+                if usize::from(self.blocks.order) + 1 >= self.form.blocks.min(N) {
                     self.phase = Phase::Done;
                 } else {
                     self.blocks.advance(f, &self.form);
