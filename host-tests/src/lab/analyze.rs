@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use nalgebra::{SMatrix, SVector};
 use navsight::covariance::{Covariance, Observation, Rows};
 use navsight::error_model::discrete::phi_minus_identity;
 use navsight::observability::agreement::{direction, DirectionView, Limits, View};
@@ -9,8 +10,9 @@ use navsight::observability::ceiling::{ceiling, unseen_share, Gramian};
 use navsight::observability::comprehensive::combinations;
 use navsight::observability::eigen_degree::{Eigen, EigenDegree, Form};
 use navsight::observability::pwcs::{Kind, Scale, Staged};
-use navsight::observability::structural::{Changes, Class, Pattern, Report, Segments, MAX_SEGMENTS};
-use nalgebra::{SMatrix, SVector};
+use navsight::observability::structural::{
+    Changes, Class, Pattern, Report, Segments, MAX_SEGMENTS,
+};
 use serde::Deserialize;
 use serde_json::{json, Map, Value};
 
@@ -122,7 +124,11 @@ impl Model {
         let n = self.states.len();
         let wrong = |key: &str, field: String, what: String| Err(source.wrong(key, field, what));
         if n == 0 || n > N {
-            return wrong("states", "states".into(), format!("{n} states; 1 to {N} are possible"));
+            return wrong(
+                "states",
+                "states".into(),
+                format!("{n} states; 1 to {N} are possible"),
+            );
         }
         if self.segments.is_empty() || self.segments.len() > MAX_SEGMENTS {
             let what = format!("{}; 1 to {MAX_SEGMENTS} are possible", self.segments.len());
@@ -130,7 +136,11 @@ impl Model {
         }
         let m = self.r_sigma.len();
         if m == 0 || m > N {
-            return wrong("r_sigma", "r_sigma".into(), format!("{m} rows; 1 to {N} are possible"));
+            return wrong(
+                "r_sigma",
+                "r_sigma".into(),
+                format!("{m} rows; 1 to {N} are possible"),
+            );
         }
         for (key, list, size, least) in [
             ("sigma0", Some(&self.sigma0), n, f64::MIN_POSITIVE),
@@ -139,13 +149,24 @@ impl Model {
         ] {
             let Some(list) = list else { continue };
             if list.len() != size {
-                return wrong(key, key.into(), format!("{} numbers, not {size}", list.len()));
+                return wrong(
+                    key,
+                    key.into(),
+                    format!("{} numbers, not {size}", list.len()),
+                );
             }
             if let Some(i) = list.iter().position(|x| !x.is_finite() || *x < least) {
-                return wrong(key, format!("{key}[{i}]"), format!("{} is not possible", list[i]));
+                return wrong(
+                    key,
+                    format!("{key}[{i}]"),
+                    format!("{} is not possible", list[i]),
+                );
             }
         }
-        for (key, x) in [("t_update_s", self.t_update_s), ("time_unit_s", self.time_unit_s)] {
+        for (key, x) in [
+            ("t_update_s", self.t_update_s),
+            ("time_unit_s", self.time_unit_s),
+        ] {
             if !(x.is_finite() && x > 0.0) {
                 return wrong(key, key.into(), format!("{x} is not a time above 0"));
             }
@@ -278,7 +299,8 @@ impl Fixed {
             match &mut segments {
                 None => segments = Some(Segments::new(&p)),
                 Some(all) => {
-                    let changes = Changes::between(f, &self.segments[0].0, 1e-9).map_err(refused)?;
+                    let changes =
+                        Changes::between(f, &self.segments[0].0, 1e-9).map_err(refused)?;
                     all.add(&p, &changes).map_err(refused)?;
                 }
             }
@@ -511,7 +533,16 @@ impl Found {
         );
         let mut table = Table::new(
             caption,
-            ["state", "structure", "order", "degree", "strict", "ceiling", "ξ2", "flag"],
+            [
+                "state",
+                "structure",
+                "order",
+                "degree",
+                "strict",
+                "ceiling",
+                "ξ2",
+                "flag",
+            ],
         );
         for v in &self.views {
             table.row([
@@ -520,7 +551,9 @@ impl Found {
                 v.order.map_or("–".into(), |k| k.to_string()),
                 v.degree.map_or("–".into(), short),
                 if v.strict { "yes" } else { "no" }.into(),
-                v.ceiling().filter(|c| *c < 1e12).map_or("none".into(), short),
+                v.ceiling()
+                    .filter(|c| *c < 1e12)
+                    .map_or("none".into(), short),
                 short(self.xi2[v.state]),
                 v.flag(&self.limits).name().into(),
             ]);
@@ -543,7 +576,11 @@ impl Found {
         }
         page.section("State by method");
         page.table(&self.table(model));
-        page.figures(1, &[self.heat(model)], "Full: seen. Pale: not seen. Saturation is ξ2 over its ceiling.");
+        page.figures(
+            1,
+            &[self.heat(model)],
+            "Full: seen. Pale: not seen. Saturation is ξ2 over its ceiling.",
+        );
         for (k, p) in self.patterns.iter().enumerate() {
             page.section(&format!("Structure of segment {}", k + 1));
             let outputs: Vec<String> = (1..=model.outputs).map(|i| format!("z{i}")).collect();
@@ -563,7 +600,11 @@ impl Found {
                 graph::bars(&title, &model.names, &v[..model.n()])
             })
             .collect();
-        page.figures(3, &bars, "Eigen-directions of the information; η2 is what the filter has left along them.");
+        page.figures(
+            3,
+            &bars,
+            "Eigen-directions of the information; η2 is what the filter has left along them.",
+        );
         page
     }
 
@@ -591,7 +632,13 @@ impl Found {
             .collect();
         graph::heat_map(
             &model.names,
-            &["structure", "Peng order", "Yang seen share", "ξ2", "saturation"],
+            &[
+                "structure",
+                "Peng order",
+                "Yang seen share",
+                "ξ2",
+                "saturation",
+            ],
             &cells,
         )
     }

@@ -132,10 +132,16 @@ impl Case {
             error
         };
         if self.n == 0 || self.n > N {
-            return Err(wrong("n", format!("{} states; 1 to {N} are possible", self.n)));
+            return Err(wrong(
+                "n",
+                format!("{} states; 1 to {N} are possible", self.n),
+            ));
         }
         if self.m == 0 || self.m > N {
-            return Err(wrong("m", format!("{} outputs; 1 to {N} are possible", self.m)));
+            return Err(wrong(
+                "m",
+                format!("{} outputs; 1 to {N} are possible", self.m),
+            ));
         }
         let pattern = |key: &str, words: &[u64]| {
             if words.len() != self.n {
@@ -154,8 +160,10 @@ impl Case {
             ("lti", None, _) => Err(wrong("adj", "is missing".into())),
             ("pwcs", _, Some(segments)) => {
                 if segments.is_empty() || segments.len() > MAX_SEGMENTS {
-                    let what =
-                        format!("{} segments; 1 to {MAX_SEGMENTS} are possible", segments.len());
+                    let what = format!(
+                        "{} segments; 1 to {MAX_SEGMENTS} are possible",
+                        segments.len()
+                    );
                     return Err(wrong("seg_adj", what));
                 }
                 let patterns = segments

@@ -55,10 +55,22 @@ pub fn bipartite(
     let at = |x: f64, i: usize| (x, top + step * i as f64);
     let mut body = String::new();
     for edge in edges {
-        line(&mut body, at(x_left, edge.0), at(x_right, edge.1), SOFT, 1.0);
+        line(
+            &mut body,
+            at(x_left, edge.0),
+            at(x_right, edge.1),
+            SOFT,
+            1.0,
+        );
     }
     for edge in chosen {
-        line(&mut body, at(x_left, edge.0), at(x_right, edge.1), CHOSEN, 2.5);
+        line(
+            &mut body,
+            at(x_left, edge.0),
+            at(x_right, edge.1),
+            CHOSEN,
+            2.5,
+        );
     }
     for (i, name) in left.iter().enumerate() {
         let matched = chosen.iter().any(|e| e.0 == i);
@@ -73,7 +85,12 @@ pub fn bipartite(
 }
 
 /// Layers from left to right, states and outputs as rows; each path is a list of rows, one for each layer.
-pub fn linking(states: &[String], outputs: &[String], layers: usize, paths: &[Vec<usize>]) -> String {
+pub fn linking(
+    states: &[String],
+    outputs: &[String],
+    layers: usize,
+    paths: &[Vec<usize>],
+) -> String {
     let (step, top, left, wide) = (20.0, 16.0, 90.0, 70.0);
     let rows = states.len() + outputs.len();
     let at = |layer: usize, row: usize| (left + wide * layer as f64, top + step * row as f64);
@@ -88,11 +105,22 @@ pub fn linking(states: &[String], outputs: &[String], layers: usize, paths: &[Ve
         }
     }
     for (row, name) in states.iter().chain(outputs).enumerate() {
-        text(&mut body, (left - 10.0, top + step * row as f64), "end", name);
+        text(
+            &mut body,
+            (left - 10.0, top + step * row as f64),
+            "end",
+            name,
+        );
     }
     for path in paths {
         for (layer, pair) in path.windows(2).enumerate() {
-            line(&mut body, at(layer, pair[0]), at(layer + 1, pair[1]), CHOSEN, 2.0);
+            line(
+                &mut body,
+                at(layer, pair[0]),
+                at(layer + 1, pair[1]),
+                CHOSEN,
+                2.0,
+            );
         }
         for (layer, row) in path.iter().enumerate() {
             dot(&mut body, at(layer, *row), CHOSEN);
@@ -110,7 +138,12 @@ pub fn heat_map(rows: &[String], columns: &[&str], cells: &[Vec<(f64, String)>])
     let (left, top, wide, high) = (150.0, 24.0, 105.0, 22.0);
     let mut body = String::new();
     for (j, column) in columns.iter().enumerate() {
-        text(&mut body, (left + wide * (j as f64 + 0.5), 10.0), "middle", column);
+        text(
+            &mut body,
+            (left + wide * (j as f64 + 0.5), 10.0),
+            "middle",
+            column,
+        );
     }
     for (i, (row, values)) in rows.iter().zip(cells).enumerate() {
         let y = top + high * i as f64;
