@@ -111,7 +111,10 @@ fn work(out: &mut impl core::fmt::Write) -> Result<core::fmt::Result, Error> {
         "structure: at most {} dimensions; alone {:#06x}, coupled {:#06x}, unseen {:#06x}",
         report.d, report.unique, report.coupled, report.unseen
     );
-    if structure.and_then(|()| say(out, &staged, &gramian)).is_err() {
+    if structure
+        .and_then(|()| say(out, &staged, &gramian))
+        .is_err()
+    {
         return Ok(Err(core::fmt::Error));
     }
     staged.segment(&south, &h, None)?;
