@@ -3,3 +3,4 @@
 pub mod error_model;
 pub mod lu2009;
 pub mod strapdown;
+pub mod structural;
