@@ -1,4 +1,5 @@
 //! Structural observability against the golden cases and the printed claims of the graph paper (2020).
+#![allow(clippy::needless_range_loop)] // matrices, read as in the equations
 #![cfg(not(target_os = "none"))]
 
 use navsight::observability::structural::*;

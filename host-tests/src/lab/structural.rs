@@ -52,7 +52,7 @@ struct Case {
 
 /// A case that makes sense.
 enum Checked {
-    Lti(Pattern<N>),
+    Lti(Box<Pattern<N>>),
     Pwcs(Vec<Pattern<N>>, Box<Segments<N>>),
 }
 
@@ -156,7 +156,7 @@ impl Case {
             None => "pwcs",
         });
         match (kind, &self.adj, &self.seg_adj) {
-            ("lti", Some(adj), _) => Ok(Checked::Lti(pattern("adj", adj)?)),
+            ("lti", Some(adj), _) => Ok(Checked::Lti(Box::new(pattern("adj", adj)?))),
             ("lti", None, _) => Err(wrong("adj", "is missing".into())),
             ("pwcs", _, Some(segments)) => {
                 if segments.is_empty() || segments.len() > MAX_SEGMENTS {
@@ -238,7 +238,7 @@ impl Checked {
 
     fn draw(&self, case: &Case, page: &mut Page) {
         let pattern = match self {
-            Checked::Lti(p) => p,
+            Checked::Lti(p) => p.as_ref(),
             Checked::Pwcs(patterns, _) => &patterns[0],
         };
         page.section(&case.name);
