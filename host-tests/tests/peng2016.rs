@@ -1,4 +1,5 @@
 //! Comprehensive degree of observability: Tables 1 and 2, Figs 4 and 5 of Peng 2016, f64 and f32.
+#![allow(clippy::needless_range_loop)] // matrices, read as in the equations
 #![cfg(not(target_os = "none"))]
 
 use std::collections::BTreeMap;
@@ -8,6 +9,9 @@ use navsight::linalg::Real;
 use navsight::observability::comprehensive::*;
 use navsight::observability::pwcs::*;
 use serde_json::Value;
+
+/// Order and degree of a state after these segments.
+type Degree<'a> = &'a dyn Fn(&[u64], usize) -> Option<(u8, f64)>;
 
 const NAMES: [&str; 12] = [
     "phiE", "phiN", "phiU", "dVE", "dVN", "dVU", "ebx", "eby", "ebz", "abx", "aby", "abz",
@@ -235,7 +239,7 @@ fn closed_form_agrees_with_the_golden_one() {
     let g = golden();
     let (psi1, psi2) = (10f64.to_radians(), 100f64.to_radians());
     let f = model::<f64>(psi2);
-    let check = |table: &Value, degree: &dyn Fn(&[u64], usize) -> Option<(u8, f64)>| {
+    let check = |table: &Value, degree: Degree<'_>| {
         for (j, name) in NAMES.iter().enumerate() {
             let want = &table["states"][name];
             for (given, order, value) in [

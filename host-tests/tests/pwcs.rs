@@ -1,4 +1,5 @@
 //! Ranks of the filter's 15-state model: at rest, after a turn, in f32 anywhere, and a system that grows by segments.
+#![allow(clippy::needless_range_loop)] // matrices, read as in the equations
 #![cfg(not(target_os = "none"))]
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
@@ -147,7 +148,11 @@ fn f32_ranks_are_right_at_200_places_and_attitudes() {
     for n in 0..200 {
         let lat = (140.0 * dice.roll() - 70.0f64).to_radians();
         let mut turn = || {
-            Rotation3::from_euler_angles(6.28 * dice.roll(), 3.14 * dice.roll(), 6.28 * dice.roll())
+            Rotation3::from_euler_angles(
+                std::f64::consts::TAU * dice.roll(),
+                std::f64::consts::PI * dice.roll(),
+                std::f64::consts::TAU * dice.roll(),
+            )
         };
         let (c, other) = (*turn().matrix(), *turn().matrix());
         let f = [at_rest(lat, &c, true)];

@@ -1,4 +1,5 @@
 //! Eigenvalue degree (Yang and Yin), and the three exact links between Lu, Yang and Peng.
+#![allow(clippy::needless_range_loop)] // matrices, read as in the equations
 #![cfg(not(target_os = "none"))]
 
 use nalgebra::{SMatrix, SVector, Vector3};
