@@ -28,7 +28,7 @@ use std::io::{BufRead, BufReader};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Longest line that is read [bytes]. A row of numbers has a few hundred.
+/// Longest line that is read, in bytes. A row of numbers has a few hundred.
 pub const MAX_LINE: usize = 64 * 1024;
 
 /// A quotation of damaged input that is safe to print: one line, printable, short.
