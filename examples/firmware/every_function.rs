@@ -32,8 +32,8 @@ use navsight::observability::structural::{
 };
 use navsight::sensor::{self, Axis, Burst, Triad, Word};
 use navsight::tracking::{
-    AxisTracker, CurrentModel, Fix, Kinematics, Limits, LocalTracker, Mean, Noise, Reading,
-    Settings as TrackerSettings, Tracker, Transition, Variance,
+    AxisTracker, CurrentModel, Fix, Kinematics, Limits as AccelerationLimits, LocalTracker, Mean,
+    Noise, Reading, Settings as TrackerSettings, Tracker, Transition, Variance,
 };
 
 /// Takes a result, so that its computation stays.
@@ -337,8 +337,11 @@ fn rates_by_blocks<T: Real, const M: usize>(p: &Covariance<T, 15, 120>) {
 
 fn current_model<T: Real>() {
     let x: T = number();
-    let limits = any(Limits::new(x, x));
-    keep((limits.variance(any(x)), Limits::paper(any(x), any(x))));
+    let limits = any(AccelerationLimits::new(x, x));
+    keep((
+        limits.variance(any(x)),
+        AccelerationLimits::paper(any(x), any(x)),
+    ));
     keep(CurrentModel::singer(any(x), any(x)));
     let mut model = any(CurrentModel::current(x, limits));
     model.mean = any(Mean::Zero);
@@ -356,7 +359,7 @@ fn tracker<T: Real, const AXES: usize, const N: usize, const L: usize>() {
         velocity: all,
         acceleration: all,
     });
-    let model = CurrentModel::current(number(), any(Limits::new(number(), number())));
+    let model = CurrentModel::current(number(), any(AccelerationLimits::new(number(), number())));
     let settings = any(TrackerSettings::new(model));
     let Ok(mut tracker) = Tracker::<T, AXES, N, L>::new(&kinematics, &kinematics, settings) else {
         return;
