@@ -26,6 +26,8 @@ pub enum Error {
         /// First row at which the factorisation failed, from 0.
         row: u8,
     },
+    /// Sizes that do not fit together or exceed the room there is: no state, no output, too many of them.
+    Size,
     /// The latitude is too close to a pole for a north-slaved local level frame (|L| > 80°).
     Polar,
 }

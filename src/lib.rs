@@ -46,6 +46,7 @@ pub mod mechanization;
 pub mod nav;
 pub mod observability;
 pub mod sensor;
+pub mod tracking;
 
 /// The code of the README is compiled with the tests of the library.
 #[cfg(doctest)]

@@ -19,10 +19,22 @@ use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
 use navsight::measurement::{self, Height, Jacobian, Linearized, Position, Velocity, ZeroVelocity};
 use navsight::nav::NavState;
+use navsight::observability::agreement::{self, Flag, Limits, View};
+use navsight::observability::ceiling::{self, Gramian};
+use navsight::observability::comprehensive;
 use navsight::observability::diagonal::{self, Index, Xi};
+use navsight::observability::eigen_degree::{EigenDegree, Form};
+use navsight::observability::pwcs::{Kind, Scale, Staged, NAVIGATION};
 use navsight::observability::riccati::{DecreaseRate, Information};
 use navsight::observability::spectrum::{self, Axes, Directions, Spectrum, ValuesOnly};
+use navsight::observability::structural::{
+    self, Changes, Cover, Groups, Linking, Matchings, Pattern, Report, Segments, TermRank,
+};
 use navsight::sensor::{self, Axis, Burst, Triad, Word};
+use navsight::tracking::{
+    AxisTracker, CurrentModel, Fix, Kinematics, Limits as AccelerationLimits, LocalTracker, Mean,
+    Noise, Reading, Settings as TrackerSettings, Tracker, Transition, Variance,
+};
 
 /// Takes a result, so that its computation stays.
 #[inline(always)]
@@ -78,7 +90,22 @@ pub fn call() {
     observability::<f32, 12, 78>();
     by_blocks::<f32>();
     by_blocks::<f64>();
+    keep(patterns::<15, 15>());
+    keep(patterns::<32, 32>());
+    keep(looking::<f32, 3>());
+    keep(looking::<f32, 6>());
+    keep(looking::<f64, 6>());
     keep(sensors());
+    current_model::<f32>();
+    current_model::<f64>();
+    tracker::<f32, 1, 3, 6>();
+    tracker::<f64, 1, 3, 6>();
+    tracker::<f32, 3, 9, 45>();
+    tracker::<f64, 3, 9, 45>();
+    keep((
+        AxisTracker::<f32>::NORMALISED,
+        LocalTracker::<f32>::NORMALISED,
+    ));
     // What a refused construction leaves out stays linked: the optimizer does not know whether it is refused.
     keep(navigator().and_then(|nav| {
         measurements(&nav)?;
@@ -89,6 +116,7 @@ pub fn call() {
 fn scalars<T: Real>() {
     let x: T = number();
     keep((x.wide(), x.root(), x.finite()));
+    keep((any(x).exponential(), any(x).exponential_m1()));
     keep(linalg::two_add(any(x), any(x), any(x)));
     keep(linalg::skew(&matrix::<T, 3, 1>()));
 }
@@ -307,6 +335,54 @@ fn rates_by_blocks<T: Real, const M: usize>(p: &Covariance<T, 15, 120>) {
     keep(DecreaseRate::blocks(p, &blocks, &information));
 }
 
+fn current_model<T: Real>() {
+    let x: T = number();
+    let limits = any(AccelerationLimits::new(x, x));
+    keep((
+        limits.variance(any(x)),
+        AccelerationLimits::paper(any(x), any(x)),
+    ));
+    keep(CurrentModel::singer(any(x), any(x)));
+    let mut model = any(CurrentModel::current(x, limits));
+    model.mean = any(Mean::Zero);
+    model.variance = any(Variance::Fixed(x));
+    keep((model.check(), model.sigma2(any(x))));
+    if let Ok(over) = Transition::new(any(x), any(x)) {
+        keep((over.noise(any(x)), model.gain(&over, any(x))));
+    }
+}
+
+fn tracker<T: Real, const AXES: usize, const N: usize, const L: usize>() {
+    let all = any([number::<T>(); AXES]);
+    let kinematics = any(Kinematics {
+        position: all,
+        velocity: all,
+        acceleration: all,
+    });
+    let model = CurrentModel::current(number(), any(AccelerationLimits::new(number(), number())));
+    let settings = any(TrackerSettings::new(model));
+    let Ok(mut tracker) = Tracker::<T, AXES, N, L>::new(&kinematics, &kinematics, settings) else {
+        return;
+    };
+    keep(tracker.predict(any(number())));
+    let mut reading = any(Reading::new(all, number()));
+    if any(true) {
+        reading.noise = Noise::Correlated(matrix());
+    }
+    let fix = any(Fix {
+        position: Some(reading),
+        velocity: Some(reading),
+    });
+    if let Ok(report) = tracker.update(&fix) {
+        keep((report.used(), report.outcome.map(|o| o.map(|o| o.used()))));
+        keep(report.information(any(number())));
+        keep(report);
+    }
+    keep((tracker.state(), tracker.sigma(), tracker.covariance()));
+    keep((tracker.sigma0(), tracker.sigma2(), tracker.rates()));
+    keep(tracker);
+}
+
 fn sample() -> ImuIncrement {
     let (v, dt) = (matrix::<f32, 3, 1>(), number());
     keep(ImuIncrement::from_rates(v, v, dt));
@@ -494,4 +570,155 @@ mod buses {
         keep(imu.sample(number()));
         keep(imu.release());
     }
+}
+
+/// Graphs of up to `N` states and `L` layers.
+fn patterns<const N: usize, const L: usize>() -> Result<(), Error> {
+    let mut p = Pattern::<N>::new(any(3), any(1))?;
+    p.connect(any(1), any(0))?;
+    p.observe(any(0), any(0))?;
+    keep((p.states(), p.outputs(), p.all(), p.reach()));
+    keep((
+        p.to(any(1)),
+        p.out(any(1)),
+        p.row(any(1)),
+        p.output_row(any(1)),
+    ));
+    let words = [1; N];
+    let p = Pattern::<N>::from_adjacency(any(&words), any(1))?
+        .without(any(2))
+        .without_self_loops(any(3))
+        .union(&p);
+    keep(Pattern::<N>::from_model(
+        &matrix::<f32, N, N>(),
+        &matrix::<f32, 3, N>(),
+        &matrix::<f32, N, 1>(),
+        number(),
+        any(0),
+    ));
+    let report = Report::new(&p);
+    keep(report.class(any(1)));
+    keep(structural::matching_size(&p));
+    keep(structural::maximum_matching(&p).states());
+    let mut matchings = Matchings::new(&p);
+    keep(matchings.next(any(9)));
+    keep(matchings.count(any(9), any(99)));
+    let cover = Cover::new(&p);
+    keep((
+        cover.size(),
+        cover.states(),
+        cover.reach(),
+        cover.next(any(1)),
+        cover.unique(&p),
+    ));
+    let mut rank = TermRank::<N>::new();
+    keep(rank.add(any(3)));
+    keep((
+        rank.rank(),
+        rank.matched(),
+        rank.always(any(7)),
+        rank.circuit(any(1)),
+    ));
+    let segments = [p, p];
+    let mut linking = Linking::<N, L>::new(any(&segments));
+    keep(linking.widen(any(3)));
+    keep((linking.link(any(7)), linking.link_one(any(1))));
+    keep((linking.size(), linking.states(), linking.circuit(any(1))));
+    if let Some((segment, steps)) = linking.path(any(1)) {
+        keep(segment);
+        for step in steps {
+            keep(step);
+        }
+    }
+    keep(Linking::<N, L>::of_span(any(&segments), any(3)).size());
+    keep(structural::linking_by_span::<N, L>(&p));
+    keep(structural::by_convention::<N, L>(&p, any(&[1, 2])));
+    let groups = Groups::of_pattern::<L>(&p);
+    keep((groups.sets().len(), groups.of(any(1))));
+    let mut all = Segments::new(&p);
+    let changes = Changes::between(&matrix::<f32, N, N>(), &matrix::<f32, N, N>(), number())?;
+    all.add(&p, &changes)?;
+    keep((all.count(), *all.union(), all.bound(any(&segments))));
+    keep(structural::matching_shared(any(&segments)));
+    keep(structural::matching_separate(any(&segments)));
+    keep(structural::holds(any(3), any(1)));
+    for member in structural::members(any(3)) {
+        keep(member);
+    }
+    Ok(())
+}
+
+/// Elimination and what is read off it.
+fn looking<T: Real, const M: usize>() -> Result<(), Error> {
+    let (f, h) = (matrix::<T, 15, 15>(), matrix::<T, M, 15>());
+    keep(any(Kind::Position).unit::<T>(number(), number()));
+    keep(Scale::<T, 15>::plain(number()));
+    let scale = Scale::canonical(any(&NAVIGATION), &matrix::<T, 15, 1>(), number());
+    let mut staged = Staged::<T, 15, M>::new(&scale)?;
+    staged.begin(&h)?;
+    keep(staged.step(&f, None)?);
+    staged.segment(&f, &h, any(Some(&f)))?;
+    keep((staged.rank(), staged.scale().time, staged.pivots()));
+    keep(staged.origins().last());
+    let row = any(1);
+    keep((
+        staged.pivot(row),
+        staged.reduced(row),
+        staged.highest_order(row),
+    ));
+    if let Some(c) = comprehensive::combination(&staged, row) {
+        keep((
+            c.strongest(),
+            c.kept(number()),
+            c.strict(),
+            c.prior_weighted(number()),
+        ));
+    }
+    keep(comprehensive::combinations(&staged).last());
+    keep(comprehensive::of_state(&staged, row));
+    keep(comprehensive::min_norm_degree(
+        &f,
+        &h,
+        &staged,
+        any(&[1, 2]),
+        row,
+    ));
+    let form = any(Form::scaled([number(); 15], [number(); M], number()));
+    keep(Form::<T, 15, M>::raw());
+    let mut eigen = EigenDegree::new(&f, &h, &form, &staged)?;
+    keep(eigen.step(&f));
+    let eigen = eigen.run(&f);
+    keep((
+        eigen.rank(),
+        eigen.eigen(row),
+        eigen.all().last(),
+        eigen.null_share(row),
+    ));
+    keep(ceiling::unseen_share(&staged));
+    keep((
+        ceiling::ceiling::<T>(number()),
+        ceiling::saturation::<T>(number(), number()),
+    ));
+    keep(ceiling::order_cost::<T>(number(), any(2)));
+    let mut gramian = Gramian::<T, 15>::new();
+    gramian.propagate(&f);
+    gramian.observe(&matrix::<T, 15, 1>());
+    let information = gramian.information();
+    keep((
+        gramian.rows(),
+        gramian.diagonal(),
+        gramian.xi2(&information),
+    ));
+    let limits = any(Limits::default());
+    let view = View::of(&staged, row, any(None), any(None), &limits);
+    keep((view.ceiling(), view.flag(&limits)));
+    keep(view.sentence(&limits, any(&[""; 15]), any(&NAVIGATION)));
+    keep(any(Flag::Agree).name());
+    keep(agreement::direction(
+        &staged,
+        any(&[number(); 15]),
+        number(),
+        &limits,
+    ));
+    Ok(())
 }

@@ -3,6 +3,8 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 #[cfg(not(target_os = "none"))]
+pub mod analysis;
+#[cfg(not(target_os = "none"))]
 pub mod config;
 #[cfg(not(target_os = "none"))]
 pub mod covariance_analysis;
@@ -18,3 +20,5 @@ pub mod reference;
 pub mod report;
 #[cfg(not(target_os = "none"))]
 pub mod sim;
+#[cfg(not(target_os = "none"))]
+pub mod tracking;

@@ -20,6 +20,10 @@ pub trait Real: nalgebra::RealField + Copy {
     fn wide(self) -> f64;
     /// Square root, correctly rounded; NaN below zero.
     fn root(self) -> Self;
+    /// e^x.
+    fn exponential(self) -> Self;
+    /// e^x − 1 without the loss near zero.
+    fn exponential_m1(self) -> Self;
     /// Neither NaN nor ±∞.
     fn finite(self) -> bool;
     /// Distance from 1 to the next larger number.
@@ -44,6 +48,14 @@ impl Real for f32 {
         libm::sqrtf(self)
     }
     #[inline(always)]
+    fn exponential(self) -> Self {
+        libm::expf(self)
+    }
+    #[inline(always)]
+    fn exponential_m1(self) -> Self {
+        libm::expm1f(self)
+    }
+    #[inline(always)]
     fn finite(self) -> bool {
         f32::is_finite(self)
     }
@@ -64,6 +76,14 @@ impl Real for f64 {
     #[inline(always)]
     fn root(self) -> Self {
         libm::sqrt(self)
+    }
+    #[inline(always)]
+    fn exponential(self) -> Self {
+        libm::exp(self)
+    }
+    #[inline(always)]
+    fn exponential_m1(self) -> Self {
+        libm::expm1(self)
     }
     #[inline(always)]
     fn finite(self) -> bool {

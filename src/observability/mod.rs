@@ -10,12 +10,25 @@
 //! | [`diagonal::xi1_riccati`], [`diagonal::xi1_riccati_blocks`] | Lu 2009 (17), (22) | P⁺, F, Q, H, R·T | an update of interest | see `BENCHMARKS.md` |
 //! | [`spectrum::Spectrum`] η2 | Lu 2009 (6), (16) | P⁺, P0 | on demand, in slices | see `BENCHMARKS.md` |
 //! | [`spectrum::Spectrum`] η1 | Lu 2009 (5), (15) | −Ṗ, P0 | on demand, in slices | see `BENCHMARKS.md` |
+//! | [`structural::Report`] | graph paper 2020 | zero pattern of F, H | a change of segment | see `BENCHMARKS.md` |
+//! | [`pwcs::Staged`] rank | Goshen-Meskin 1992, Peng 2016 | F, H per segment, σ0 | a change of segment, in slices | see `BENCHMARKS.md` |
+//! | [`comprehensive`] order, degree | Peng 2016 | `Staged` | after it | a table look-up |
+//! | [`eigen_degree`] λ, orders | Yang and Yin | F, H, `Staged` | on demand, in slices | see `BENCHMARKS.md` |
+//! | [`ceiling`] of ξ2, information | links of the three | `Staged`; A and rows of the filter | after it; every propagation and update | see `BENCHMARKS.md` |
+//! | [`agreement`] flag and sentence | all of them | the above and ξ2 | when somebody asks | a few products |
 //!
-//! All of them are *prior-weighted*: they say what is left of an initial variance, so a state that was known well at
+//! ξ and η are *prior-weighted*: they say what is left of an initial variance, so a state that was known well at
 //! the start shows little, and a state whose prior was wide shows much. Strict observability is another question.
 
+pub mod agreement;
+pub mod ceiling;
+pub mod comprehensive;
 pub mod diagonal;
+pub mod eigen_degree;
 mod jacobi;
+mod one_sided;
+pub mod pwcs;
 pub mod riccati;
 pub mod spectrum;
+pub mod structural;
 mod triangle;

@@ -5,12 +5,16 @@
 //! field.
 
 pub mod align;
+pub mod analyze;
 pub mod covariance;
 mod error;
 pub mod history;
+mod json;
 pub mod replay;
 pub mod solution;
 pub mod states;
+pub mod structural;
+pub mod track;
 
 pub use error::LabError;
 
@@ -30,10 +34,16 @@ struct Cli {
 enum Command {
     /// Simulates one- and two-position alignment: σ, ξ, η over time, and the tables of Lu 2009
     Align(Box<align::Args>),
+    /// Every way of looking at one model, and whether they agree
+    Analyze(analyze::Args),
     /// Covariance analysis of one configuration: P, ξ1, ξ2 and η at chosen times
     Covariance(covariance::Args),
     /// The filter on recorded data: attitude, biases and what was observable
     Replay(Box<replay::Args>),
+    /// Tracking by satellite positions and velocities: estimates, gains and what was observable
+    Track(track::Args),
+    /// Graph analysis of zero patterns: what can be seen at all
+    Structural(structural::Args),
 }
 
 /// Parses the command line, runs the command, and turns a failure into one line and exit code 2.
@@ -41,8 +51,11 @@ pub fn main() -> ExitCode {
     let done = match Cli::try_parse() {
         Ok(cli) => match cli.command {
             Command::Align(args) => align::run(&args),
+            Command::Analyze(args) => analyze::run(&args),
             Command::Covariance(args) => covariance::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Track(args) => track::run(&args),
+            Command::Structural(args) => structural::run(&args),
         },
         Err(help)
             if matches!(

@@ -4,3 +4,4 @@ pub mod error_model;
 pub mod lu2009;
 pub mod random;
 pub mod strapdown;
+pub mod structural;

@@ -1,5 +1,6 @@
 //! Reports for people: one HTML file that needs nothing else, and the same tables for a terminal.
 
+pub mod graph;
 mod page;
 pub mod plot;
 mod table;

@@ -1,0 +1,212 @@
+//! Ceilings and links: how far ξ2 can rise, how much of it is reached, and what an order costs.
+//!
+//! ```text
+//! s_j = ‖N_j‖²,  N: orthonormal null space of Q in σ0 units        ξ2_j → 1/s_j, never above without process noise
+//! η2_i = 1 + λ_i of the information matrix in σ0 units              (initial-state form)
+//! ```
+//!
+//! Three exact links between Lu (ξ, η), Yang (λ, null space) and Peng (couplings): with Peng's prior-weighted couplings
+//! c of an unseen combination the ceiling is 1 + 1/Σc². A ceiling is a property of the model (F, H, P0), not of the data:
+//! a filter that re-linearises about its own estimate may rise some percent above it (heading: 424 against 404), and a
+//! Markov bias is a random constant only for a while (414 against 404). Far above it the filter learns from itself.
+//! `host-tests/tests/yang.rs` has the numbers.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::comprehensive::{null_vector, Basis};
+use super::one_sided::{identity, rotate, Triangle};
+use super::pwcs::Staged;
+use crate::linalg::Real;
+
+/// s_j of every state: share that lies in the unobservable space, in σ0 units. 0: fully seen, ξ2 unbounded; 1: not seen
+/// at all, ξ2 stays 1.
+///
+/// The σ0 are those of the elimination's scale.
+pub fn unseen_share<T: Real, const N: usize, const M: usize>(staged: &Staged<T, N, M>) -> [T; N] {
+    let null = unseen_space(staged);
+    let mut share = [T::zero(); N];
+    for v in null.vectors.iter().take(null.len) {
+        for (s, x) in share.iter_mut().zip(v) {
+            *s += *x * *x;
+        }
+    }
+    share
+}
+
+/// An orthonormal basis of what is not seen, in σ0 units.
+pub(super) fn unseen_space<T: Real, const N: usize, const M: usize>(
+    staged: &Staged<T, N, M>,
+) -> Basis<T, N> {
+    let scale = staged.scale();
+    let mut null = Basis::<T, N>::new();
+    for free in 0..N {
+        if let Some(mut v) = null_vector(staged, free) {
+            let mut largest = T::zero();
+            for (x, (unit, sigma)) in v.iter_mut().zip(scale.unit.iter().zip(&scale.sigma)) {
+                *x *= *unit / *sigma;
+                if x.abs() > largest {
+                    largest = x.abs();
+                }
+            }
+            // Its own state is 1 in canonical units, so the largest is not 0.
+            let inverse = T::one() / largest;
+            for x in &mut v {
+                *x *= inverse;
+            }
+            null.add(&v, T::zero());
+        }
+    }
+    null
+}
+
+/// The ceiling of ξ2: 1/s; `None` where s = 0 and there is none.
+pub fn ceiling<T: Real>(share: T) -> Option<T> {
+    (share > T::zero()).then(|| T::one() / share)
+}
+
+/// How much of the ceiling is reached: ξ2 s, 0 … 1; above 1 by more than re-linearisation explains, something is wrong.
+pub fn saturation<T: Real>(xi2: T, share: T) -> T {
+    xi2 * share
+}
+
+/// What an order costs: information left in a Taylor coefficient of order k from n equally spaced updates, after the
+/// lower coefficients are free. λ of the scaled form times this predicts the information gained.
+///
+/// ```text
+/// n / ((2k + 1) C(2k, k)²)      n, n/12, n/180, n/2800 for k = 0 … 3
+/// ```
+///
+/// For the top order of a measurement chain; rows that share a chain with higher orders come out 5 to 100 times too
+/// large. 0 for k > 30, where the number is below 1e-34 n.
+pub fn order_cost<T: Real>(updates: T, order: u8) -> T {
+    if order > 30 {
+        return T::zero();
+    }
+    let mut binomial = 1.0f64;
+    for i in 0..order {
+        let i = f64::from(i);
+        binomial *= (2.0 * i + 1.0) * 2.0 / (i + 1.0);
+    }
+    updates * T::of(1.0 / ((2.0 * f64::from(order) + 1.0) * binomial * binomial))
+}
+
+/// What the updates so far say about the *initial* state, in σ0 units: an accumulator beside the filter.
+///
+/// ```text
+/// W = Σ Φ(t, 0)ᵀ Hᵀ R⁻¹ H Φ(t, 0),        held as a triangle with RᵀR = W, and Ψ = Φ(t, 0)
+/// ```
+///
+/// It is fed with what the filter uses: A = Φ − I of each propagation and the rows of each accepted update, both in σ0
+/// units. It knows no process noise, so it says what the model could have learnt, for comparison with ξ2 and η2.
+/// Ψ grows without bound where the model does; start anew after the horizon of interest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gramian<T: Real, const N: usize> {
+    triangle: Triangle<T, N>,
+    psi: [[T; N]; N],
+    updates: u32,
+}
+
+impl<T: Real, const N: usize> Default for Gramian<T, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Eigenvalues and directions of the information, largest first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Information<T, const N: usize> {
+    /// λ of W in σ0 units; η2 = 1 + λ.
+    pub lambda: [T; N],
+    /// Directions, one row for each λ, in σ0 units.
+    pub directions: [[T; N]; N],
+    /// Whether the rotations came to an end.
+    pub converged: bool,
+}
+
+impl<T: Real, const N: usize> Gramian<T, N> {
+    /// Nothing seen, at the initial time.
+    pub fn new() -> Self {
+        Self {
+            triangle: Triangle::new(),
+            psi: identity(),
+            updates: 0,
+        }
+    }
+
+    /// Moves on by A = Φ − I of an interval, in σ0 units (A_ij σ0_j / σ0_i).
+    pub fn propagate(&mut self, a: &SMatrix<T, N, N>) {
+        let old = self.psi;
+        for (psi, row) in self.psi.iter_mut().zip(a.row_iter()) {
+            for (factor, source) in row.iter().zip(&old) {
+                if *factor != T::zero() {
+                    for (x, y) in psi.iter_mut().zip(source) {
+                        *x += *factor * *y;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Takes in a measurement row divided by its noise, in σ0 units: h_j σ0_j / √r.
+    pub fn observe(&mut self, h: &SVector<T, N>) {
+        let mut row = [T::zero(); N];
+        for (factor, psi) in h.iter().zip(&self.psi) {
+            if *factor != T::zero() {
+                for (x, y) in row.iter_mut().zip(psi) {
+                    *x += *factor * *y;
+                }
+            }
+        }
+        self.triangle.add(&row);
+        self.updates = self.updates.saturating_add(1);
+    }
+
+    /// Rows taken in.
+    pub const fn rows(&self) -> u32 {
+        self.updates
+    }
+
+    /// The information about each initial state if the others were known: diagonal of W.
+    pub fn diagonal(&self) -> [T; N] {
+        let mut sum = [T::zero(); N];
+        for row in &self.triangle.rows {
+            for (s, x) in sum.iter_mut().zip(row) {
+                *s += *x * *x;
+            }
+        }
+        sum
+    }
+
+    /// ξ2 that a filter without process noise has now: 1 / [Ψ (I + W)⁻¹ Ψᵀ]_jj. Compare with the filter's own.
+    pub fn xi2(&self, information: &Information<T, N>) -> [T; N] {
+        let mut xi2 = [T::one(); N];
+        for (xi2, psi) in xi2.iter_mut().zip(&self.psi) {
+            let mut left = T::zero();
+            for (direction, lambda) in information.directions.iter().zip(&information.lambda) {
+                let mut part = T::zero();
+                for (x, y) in psi.iter().zip(direction) {
+                    part += *x * *y;
+                }
+                left += part * part / (T::one() + *lambda);
+            }
+            *xi2 = T::one() / left;
+        }
+        xi2
+    }
+
+    /// Eigenvalues and directions. Not for every sample: eight sweeps of N(N−1)/2 rotations.
+    pub fn information(&self) -> Information<T, N> {
+        let mut columns = self.triangle.columns();
+        let mut directions = identity();
+        let converged = rotate(&mut columns, Some(&mut directions));
+        let mut lambda = [T::zero(); N];
+        for (l, column) in lambda.iter_mut().zip(&columns) {
+            *l = column.iter().fold(T::zero(), |sum, x| sum + *x * *x);
+        }
+        Information {
+            lambda,
+            directions,
+            converged,
+        }
+    }
+}
