@@ -132,7 +132,8 @@ impl<T: Real> Covariance15<T> {
     ///
     /// A covariance that stands still for thousands of steps gives every product the same rounding error, and the
     /// errors of a row add up to a drift. Cut by the low word, which moves with every addition, they scatter and
-    /// average out. Exact for f32: h + l is the stored sum but for the rounding of l.
+    /// average out. Exact for f32: h + l is the stored sum but for the rounding of l. Read where a velocity meets what
+    /// two states that hide each other, tilt and accelerometer bias, tell it: in columns r, ψ and b_a.
     #[inline(always)]
     fn recut<const A: usize, const B: usize>(&self) -> (Block<T>, Block<T>) {
         let (p, low) = (block::<T, A, B>(&self.hi), block::<T, A, B>(&self.lo));
@@ -197,7 +198,7 @@ impl<T: Real> Covariance15<T> {
     #[inline(always)]
     fn row_1<const B: usize>(&self, t: &BlockTransition<T>) -> Block<T> {
         let p = &self.hi;
-        let x = if B == 2 || B == 4 {
+        let x = if B == 2 || B == 4 || B == 0 {
             let (h2, l2) = self.recut::<2, B>();
             let (h4, l4) = self.recut::<4, B>();
             let y = full(&hollow0(&t.a12, &h2), &t.a14, &h4);
