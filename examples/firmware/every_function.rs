@@ -17,7 +17,9 @@ use navsight::error_model::{
 use navsight::filter::{Filter, Prior, Settings};
 use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
-use navsight::measurement::{self, Height, Jacobian, Linearized, Position, Velocity, ZeroVelocity};
+use navsight::measurement::{
+    self, Heading, Height, Jacobian, Linearized, Position, Velocity, ZeroRotation, ZeroVelocity,
+};
 use navsight::nav::NavState;
 use navsight::observability::agreement::{self, Flag, Limits, View};
 use navsight::observability::ceiling::{self, Gramian};
@@ -424,6 +426,12 @@ fn measurements(nav: &NavState) -> Result<(), Error> {
     keep((measurement::variance(x), measurement::check_interval(x)));
     let height = Height::new(any(0.5), x, x)?;
     keep((height.interval(), height.linearize(nav)));
+    let heading = Heading::new(x, x, x)?;
+    keep((heading.interval(), heading.linearize(nav)));
+    let azimuth = Heading::of_axis(matrix::<f32, 3, 1>(), x, x, x)?;
+    keep(azimuth.linearize(nav));
+    let still = ZeroRotation::new(matrix(), x, x)?;
+    keep((still.interval(), still.linearize(nav)));
     let position = Position::new(any(Geodetic::from_degrees(1.0, 1.0, 1.0)), matrix(), x)?;
     keep((position.interval(), position.linearize(nav)));
     let velocity = Velocity::new(matrix::<f32, 3, 1>(), matrix(), x)?;

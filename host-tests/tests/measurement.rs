@@ -1,13 +1,16 @@
 //! Each measurement: its Jacobian is the derivative of its innovation at a tilted, moving, biased state; its innovation
 //! is exact where f32 alone would not be; and what cannot be is refused.
 
+use core::f32::consts::TAU;
+
 use nalgebra::{SMatrix, SVector, Vector3};
 use navsight::attitude::{Euler, Ned};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::{N, POS, VEL};
 use navsight::measurement::{
-    Height, Jacobian, Linearized, Position, Velocity, ZeroVelocity, MAX_SIGMA, MIN_SIGMA,
+    Heading, Height, Jacobian, Linearized, Position, Velocity, ZeroRotation, ZeroVelocity,
+    MAX_SIGMA, MIN_SIGMA,
 };
 use navsight::nav::NavState;
 
@@ -104,6 +107,104 @@ fn height_row_is_the_derivative() {
     let model = Height::new(2_340.0, 1.0, 1.0).unwrap();
     // ν of 6 m: 5e-7 m over 16 m
     worst_column_error(|nav| model.linearize(nav), [1e-7, 0.0, 0.0, 0.0, 0.0]);
+}
+
+/// Central differences, for rows that are not linear: their error is of third order in the step.
+fn worst_central_error<const M: usize>(
+    linearize: impl Fn(&NavState) -> Linearized<M>,
+    steps: [f32; 5],
+    tolerance: [f64; 5],
+) {
+    let nav = tilted_and_moving();
+    let h = linearize(&nav).h.dense();
+    for j in 0..N {
+        let step = steps[j / 3];
+        let at = |step| linearize(&nav.corrected(&SVector::ith(j, step))).nu;
+        let numeric = (at(-step) - at(step)) / (2.0 * step);
+        let error = f64::from((numeric - h.column(j)).amax());
+        assert!(
+            error <= tolerance[j / 3],
+            "column {j}: {error:e}, {numeric} {}",
+            h.column(j)
+        );
+    }
+}
+
+#[test]
+fn heading_row_is_the_derivative() {
+    // The forward axis is 20° steep; the others are a baseline across and a field that points far down.
+    for (axis, azimuth) in [
+        (Vector3::new(0.0, 1.0, 0.0), 2.2),
+        (Vector3::new(0.9, -0.3, 0.1), -3.0),
+        (Vector3::new(-10.0, 12.0, -45.0), 0.1),
+    ] {
+        let model = Heading::of_axis(axis, azimuth, 0.01, 1.0).unwrap();
+        let steep = {
+            let l = tilted_and_moving().c_b_n() * axis.normalize();
+            f64::from(l.z / l.x.hypot(l.y))
+        };
+        // third order: step² times the cube of 1/ρ; an ulp of ν up to π is 2.4e-7 over a difference of 1/32. A position
+        // step of 30 km turns the frame by 5 mrad, and the radii by 1e-3 of themselves.
+        let third = (1.0 / 64f64).powi(2) * (1.0 + steep * steep).powf(1.5);
+        worst_central_error(
+            |nav| model.linearize(nav),
+            [30_000.0, 0.5, 1.0 / 64.0, 1.0 / 64.0, 1.0 / 64.0],
+            [
+                1e-3 * (2.0 + steep.abs()) / R,
+                0.0,
+                third + 1.6e-5,
+                0.0,
+                0.0,
+            ],
+        );
+    }
+}
+
+#[test]
+fn heading_of_the_vehicle_is_the_euler_angle_and_wraps() {
+    let nav = tilted_and_moving();
+    let heading = nav.euler().heading;
+    for (z, nu) in [
+        (heading, 0.0),
+        (heading + 3.0, 3.0),
+        (heading - 6.0, TAU - 6.0),
+    ] {
+        let found = Heading::new(z, 0.01, 1.0).unwrap().linearize(&nav).nu.x;
+        assert!((found - nu).abs() < 1e-6, "{found} {nu}");
+    }
+    // an axis that stands on end has no azimuth
+    let up = nav.c_b_n().transpose() * Vector3::new(0.001, 0.0, 1.0);
+    let lost = Heading::of_axis(up, 0.0, 0.01, 1.0)
+        .unwrap()
+        .linearize(&nav);
+    assert!(lost.nu.x.is_nan());
+}
+
+#[test]
+fn zero_rotation_rows_are_the_derivative() {
+    let nav = tilted_and_moving();
+    let model = ZeroRotation::new(Vector3::new(2e-3, -1e-3, 3e-3), 1e-4, 1.0).unwrap();
+    let earth = nav.c_b_n().transpose() * nav.local().omega_ie_n();
+    let expected = Vector3::new(2e-3, -1e-3, 3e-3) - nav.b_g() - earth;
+    // an ulp of 3e-3
+    assert!((model.linearize(&nav).nu - expected).amax() < 3e-10);
+    // The earth rate is 7.3e-5: with steps of 1/2 rad its change is seen to 2e-9 and the third order takes a part of
+    // step²/6; 600 km of position move it by a tenth.
+    let rate = navsight::earth::OMEGA_IE;
+    worst_central_error(
+        |nav| model.linearize(nav),
+        [600e3, 0.5, 0.5, 1.0 / 64.0, 1.0 / 64.0],
+        [
+            0.05 * rate / R,
+            0.0,
+            rate * (0.25 / 6.0) * 1.2 + 2e-9,
+            1e-6,
+            0.0,
+        ],
+    );
+    // What is there at all stands well above that tolerance: the earth rate itself.
+    let h = model.linearize(&nav).h.dense();
+    assert!(f64::from(h.column(6).norm()) > 0.9 * rate);
 }
 
 #[test]
@@ -224,6 +325,8 @@ fn what_cannot_be_is_refused() {
     ] {
         assert_eq!(ZeroVelocity::new(sigma, 1.0), Err(error));
         assert_eq!(Height::new(0.0, sigma, 1.0), Err(error));
+        assert_eq!(Heading::new(0.0, sigma, 1.0), Err(error));
+        assert_eq!(ZeroRotation::new(zero, sigma, 1.0), Err(error));
         for axis in 0..3 {
             let mut sigmas = one;
             sigmas[axis] = sigma;
@@ -234,6 +337,11 @@ fn what_cannot_be_is_refused() {
     for interval in [f32::NAN, f32::INFINITY] {
         assert_eq!(ZeroVelocity::new(1.0, interval), Err(Error::NonFinite));
         assert_eq!(Height::new(0.0, 1.0, interval), Err(Error::NonFinite));
+        assert_eq!(Heading::new(0.0, 1.0, interval), Err(Error::NonFinite));
+        assert_eq!(
+            ZeroRotation::new(zero, 1.0, interval),
+            Err(Error::NonFinite)
+        );
         assert_eq!(Velocity::new(zero, one, interval), Err(Error::NonFinite));
         assert_eq!(Position::new(place, one, interval), Err(Error::NonFinite));
     }
@@ -246,8 +354,16 @@ fn what_cannot_be_is_refused() {
             let mut z = zero;
             z[axis] = value;
             assert_eq!(Velocity::new(z, one, 1.0), Err(error));
+            assert_eq!(ZeroRotation::new(z, 1.0, 1.0), Err(error));
+            assert_eq!(Heading::new(value, 1.0, 1.0), Err(error));
+            z[axis] *= 100.0;
+            assert_eq!(Heading::of_axis(z, 0.0, 1.0, 1.0), Err(error));
         }
     }
+    assert_eq!(
+        Heading::of_axis(zero, 0.0, 1.0, 1.0),
+        Err(Error::OutOfRange)
+    );
     for (z, error) in [
         (f64::NAN, Error::NonFinite),
         (f64::NEG_INFINITY, Error::NonFinite),

@@ -6,6 +6,8 @@
 //! | [`Velocity`] | 3 | v_n, east-north-up [m/s] | −1 on δv | `velocity.rs` |
 //! | [`Position`] | 3 | latitude, longitude [rad], height [m]; innovation in metres east-north-up | −1 on δr | `position.rs` |
 //! | [`Height`] | 1 | ellipsoidal height [m] | −1 on δr_U | `height.rs` |
+//! | [`Heading`] | 1 | azimuth of a body axis, clockwise from true north [rad] | −1 on ψ_U; tilt where the axis is steep | `heading.rs` |
+//! | [`ZeroRotation`] | 3 | mean gyro output at rest, body axes [rad/s] | 1 on b_g, earth rate on ψ | `zero_rotation.rs` |
 //!
 //! A measurement is a plain value that holds no filter state: made by `new`, which refuses what is not finite or
 //! impossible, and turned by `linearize` into a [`Linearized`], which the filter takes. It can be read, tested and
@@ -70,14 +72,18 @@ use nalgebra::{SMatrix, SVector};
 use crate::error::Error;
 use crate::error_model::N;
 
+mod heading;
 mod height;
 mod position;
 mod velocity;
+mod zero_rotation;
 mod zero_velocity;
 
+pub use heading::Heading;
 pub use height::Height;
 pub use position::Position;
 pub use velocity::Velocity;
+pub use zero_rotation::ZeroRotation;
 pub use zero_velocity::ZeroVelocity;
 
 /// One measurement, linearised at the current estimate: M uncorrelated rows.
