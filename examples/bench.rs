@@ -14,6 +14,9 @@ mod probe;
 #[cfg(target_os = "none")]
 #[path = "firmware/rows.rs"]
 mod rows;
+#[cfg(target_os = "none")]
+#[path = "firmware/ways.rs"]
+mod ways;
 
 #[cfg(target_os = "none")]
 use rows::run;

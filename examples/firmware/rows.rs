@@ -24,13 +24,14 @@ use navsight::observability::riccati::{DecreaseRate15, Information};
 use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly};
 
 use crate::probe::{calibration, region};
+use crate::ways;
 
 /// Where the rows are printed.
-struct Table<'a>(&'a mut HostStream);
+pub struct Table<'a>(&'a mut HostStream);
 
 impl Table<'_> {
     /// Counts one piece of work: a row of the table is one call of this. Work that is refused is no work.
-    fn row<S, R>(
+    pub fn row<S, R>(
         &mut self,
         work: &str,
         scalar: &str,
@@ -41,13 +42,27 @@ impl Table<'_> {
         writeln!(self.0, "row\t{work}\t{scalar}")
     }
 
+    /// Counts one slice of a longer work: of rows with one name the table shows the dearest.
+    pub fn slice<S, R>(
+        &mut self,
+        work: &str,
+        scalar: &str,
+        state: &mut S,
+        f: fn(&mut S) -> Result<R, Error>,
+    ) -> Result<R, core::fmt::Error> {
+        let result = region(state, f).map_err(refused)?;
+        writeln!(self.0, "row\t{work}\t{scalar}")?;
+        Ok(result)
+    }
+
     /// Bytes that a state takes.
-    fn ram<S>(&mut self, name: &str) -> core::fmt::Result {
+    pub fn ram<S>(&mut self, name: &str) -> core::fmt::Result {
         writeln!(self.0, "ram\t{name}\t{}", core::mem::size_of::<S>())
     }
 }
 
-fn refused(_: Error) -> core::fmt::Error {
+/// Work that is refused ends the bench.
+pub fn refused(_: Error) -> core::fmt::Error {
     core::fmt::Error
 }
 
@@ -60,6 +75,7 @@ pub fn run(out: &mut HostStream) -> core::fmt::Result {
     let (filter, imu) = aligning().map_err(refused)?;
     navigator(table, &filter, imu)?;
     observability(table, &filter)?;
+    ways::run(table)?;
     kernels::<f32>(table, "f32", &filter, imu)?;
     kernels::<f64>(table, "f64", &filter, imu)?;
 

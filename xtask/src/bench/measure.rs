@@ -114,9 +114,18 @@ impl Firmware {
         if calibration != (empty.0 + 103, empty.1 + 64) {
             bail!("103 instructions and 64 bytes were counted as {calibration:?} less {empty:?}");
         }
-        let mut rows = Vec::new();
+        let mut rows: Vec<Row> = Vec::new();
         for (name, (instructions, stack_bytes)) in names.iter().zip(&counts).skip(2) {
             let (work, scalar) = name.split_once('\t').context("a line `row`")?;
+            if let Some(slice) = rows
+                .iter_mut()
+                .find(|row| row.work == work && row.scalar == scalar)
+            {
+                // slices of one work: the dearest counts
+                slice.instructions = slice.instructions.max(instructions - empty.0);
+                slice.stack_bytes = slice.stack_bytes.max(*stack_bytes);
+                continue;
+            }
             rows.push(Row {
                 work: work.to_owned(),
                 core: CORE,
@@ -191,6 +200,19 @@ mod tests {
             ),
             ("step", 1000, 320)
         );
+    }
+
+    #[test]
+    fn of_the_slices_of_one_work_the_dearest_is_shown() {
+        let printed = format!("{PRINTED}row\tstep\tf32\nrow\tstep\tf64\n");
+        let rows = PLAIN
+            .pair(&printed, "5 0\n108 64\n1005 320\n2005 64\n7 0\n")
+            .unwrap();
+        let counts: Vec<_> = rows
+            .iter()
+            .map(|r| (r.instructions, r.stack_bytes))
+            .collect();
+        assert_eq!(counts, [(2000, 320), (2, 0)]);
     }
 
     #[test]
