@@ -180,6 +180,13 @@ impl ConingSculling {
         dt: 1.0,
     };
 
+    /// Mean angular rate of the sample remembered, as measured, body axes [rad/s]; None before the first.
+    pub fn rate(&self) -> Option<Vector3<f32>> {
+        // A sample of a second without any rate and force is not told from none; its rate is zero as well.
+        let blank = *self == Self::NEW;
+        (!blank).then(|| self.delta_theta_b / self.dt)
+    }
+
     /// This sample with coning and sculling taken into account. `imu` has been checked; it is not yet remembered.
     #[inline(always)]
     pub fn correct(&self, imu: &ImuIncrement) -> Motion {

@@ -230,6 +230,15 @@ impl NavState {
         self.b_a
     }
 
+    /// Mean angular rate over the last sample, the bias taken off, body axes [rad/s]; zero before the first sample.
+    ///
+    /// It belongs to the middle of that sample: with an angular acceleration α it lags by α T/2.
+    pub fn omega_ib_b(&self) -> Vector3<f32> {
+        self.coning
+            .rate()
+            .map_or(Vector3::zeros(), |omega| omega - self.b_g)
+    }
+
     /// Trigonometry, radii and gravity at the present position.
     pub fn local(&self) -> Local {
         Local::at_words(self.strapdown.lat, self.strapdown.height.hi)

@@ -18,7 +18,8 @@ use navsight::filter::{Filter, Prior, Settings};
 use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
 use navsight::measurement::{
-    self, Heading, Height, Jacobian, Linearized, Position, Velocity, ZeroRotation, ZeroVelocity,
+    self, Accuracy, Antenna, Barometer, Boresight, Course, Heading, Height, Jacobian, Linearized,
+    NonHolonomic, Odometer, Position, PositionVelocity, Velocity, ZeroRotation, ZeroVelocity,
 };
 use navsight::nav::NavState;
 use navsight::observability::agreement::{self, Flag, Limits, View};
@@ -111,6 +112,7 @@ pub fn call() {
     // What a refused construction leaves out stays linked: the optimizer does not know whether it is refused.
     keep(navigator().and_then(|nav| {
         measurements(&nav)?;
+        aids(&nav)?;
         filters(nav)
     }));
 }
@@ -395,6 +397,7 @@ fn navigator() -> Result<NavState, Error> {
     let imu = sample();
     keep(imu.check(&any(ImuLimits::DEFAULT)));
     let mut coning = any(ConingSculling::NEW);
+    keep(coning.rate());
     let motion = coning.correct(&imu);
     coning.remember(&imu);
     keep(coning);
@@ -415,7 +418,7 @@ fn navigator() -> Result<NavState, Error> {
     keep(nav.corrected(&matrix()));
     keep((nav.v_n(), nav.c_b_n(), nav.quaternion(), nav.euler()));
     keep((nav.position(), nav.lat(), nav.lon(), nav.height()));
-    keep((nav.b_g(), nav.b_a()));
+    keep((nav.b_g(), nav.b_a(), nav.omega_ib_b()));
     keep(Environment::from_local(&nav.local(), &nav.v_n()));
     keep(nav.displacement_to(&any(position)));
     Ok(any(nav))
@@ -439,6 +442,50 @@ fn measurements(nav: &NavState) -> Result<(), Error> {
     let standing = ZeroVelocity::new(x, x)?;
     keep(standing.interval());
     keep(standing.linearize(nav).h.dense());
+    Ok(())
+}
+
+/// Measurements with a lever arm, a boresight or an accuracy of their own.
+fn aids(nav: &NavState) -> Result<(), Error> {
+    let x: f32 = number();
+    let antenna = Antenna::new(matrix::<f32, 3, 1>())?;
+    keep((antenna.lever_arm(), antenna.is_at_imu()));
+    keep((
+        antenna.offset(&nav.c_b_n()),
+        antenna.motion(nav, &nav.c_b_n()),
+    ));
+    let accuracy = Accuracy::covariance(&matrix())?;
+    keep((accuracy.is_diagonal(), accuracy.variances()));
+    keep((
+        Accuracy::per_axis(matrix()),
+        Accuracy::horizontal_vertical(x, any(x)),
+        Accuracy::speed(x),
+    ));
+    let place = any(Geodetic::from_degrees(1.0, 1.0, 1.0));
+    let position = Position::with_accuracy(place, accuracy, x)?.of(antenna);
+    keep((position.accuracy(), position.linearize_horizontal(nav)));
+    let velocity = Velocity::with_accuracy(matrix::<f32, 3, 1>(), accuracy, x)?.of(antenna);
+    keep((velocity.accuracy(), velocity.linearize_horizontal(nav)));
+    let fix = PositionVelocity::new(any(position), any(velocity), antenna);
+    keep((fix.position(), fix.velocity(), fix.interval()));
+    keep(fix.linearize(nav));
+    let barometer = Barometer::calibrate(x, any(x), any(0.5))?;
+    keep((barometer.height(any(x)), barometer.measure(any(x), x, x)));
+    let boresight = Boresight::new(any(nav.euler()))?;
+    keep((boresight.c_m_b(), boresight.forward_b()));
+    let course = Course::new(x, boresight, any(x), x)?;
+    keep(Course::of_velocity(
+        matrix::<f32, 3, 1>(),
+        x,
+        any(x),
+        boresight,
+        x,
+    ));
+    keep((course.interval(), course.linearize(nav)));
+    let odometer = Odometer::new(x, antenna, boresight, matrix(), any(x))?;
+    keep((odometer.interval(), odometer.linearize(nav)));
+    let wheels = NonHolonomic::new(antenna, boresight, x, any(x), any(x))?;
+    keep((wheels.interval(), wheels.linearize(nav)));
     Ok(())
 }
 

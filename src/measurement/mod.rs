@@ -3,11 +3,20 @@
 //! | measurement | rows | z, unit | Jacobian | file |
 //! |---|---|---|---|---|
 //! | [`ZeroVelocity`] | 3 | 0 = v_n [m/s] | −1 on δv | `zero_velocity.rs` |
-//! | [`Velocity`] | 3 | v_n, east-north-up [m/s] | −1 on δv | `velocity.rs` |
-//! | [`Position`] | 3 | latitude, longitude [rad], height [m]; innovation in metres east-north-up | −1 on δr | `position.rs` |
+//! | [`Velocity`] | 3 or 2 | v_n, east-north-up [m/s] | −1 on δv; with a lever arm ψ and b_g | `velocity.rs` |
+//! | [`Position`] | 3 or 2 | latitude, longitude [rad], height [m]; innovation in metres east-north-up | −1 on δr; with a lever arm ψ | `position.rs` |
+//! | [`PositionVelocity`] | 6 | both of one epoch | as the two | `position_velocity.rs` |
 //! | [`Height`] | 1 | ellipsoidal height [m] | −1 on δr_U | `height.rs` |
 //! | [`Heading`] | 1 | azimuth of a body axis, clockwise from true north [rad] | −1 on ψ_U; tilt where the axis is steep | `heading.rs` |
 //! | [`ZeroRotation`] | 3 | mean gyro output at rest, body axes [rad/s] | 1 on b_g, earth rate on ψ | `zero_rotation.rs` |
+//! | [`Barometer`] | | pressure to [`Height`] | | `barometer.rs` |
+//! | [`Course`] | 1 | direction of motion, clockwise from north [rad] | ψ | `course.rs` |
+//! | [`Odometer`] | 3 | speed along the vehicle, none across [m/s] | δv, ψ, b_g | `odometer.rs` |
+//! | [`NonHolonomic`] | 2 | no speed across the vehicle [m/s] | δv, ψ, b_g | `odometer.rs` |
+//!
+//! How good the three components of a fix are is an [`Accuracy`]: per axis, by the figures of a receiver, or a full
+//! covariance. Where the sensor sits is an [`Antenna`]; how the vehicle's axes stand in those of the IMU a
+//! [`Boresight`].
 //!
 //! A measurement is a plain value that holds no filter state: made by `new`, which refuses what is not finite or
 //! impossible, and turned by `linearize` into a [`Linearized`], which the filter takes. It can be read, tested and
@@ -72,16 +81,30 @@ use nalgebra::{SMatrix, SVector};
 use crate::error::Error;
 use crate::error_model::N;
 
+mod accuracy;
+mod antenna;
+mod barometer;
+mod boresight;
+mod course;
 mod heading;
 mod height;
+mod odometer;
 mod position;
+mod position_velocity;
 mod velocity;
 mod zero_rotation;
 mod zero_velocity;
 
+pub use accuracy::Accuracy;
+pub use antenna::{Antenna, MAX_LEVER};
+pub use barometer::Barometer;
+pub use boresight::Boresight;
+pub use course::Course;
 pub use heading::Heading;
 pub use height::Height;
+pub use odometer::{NonHolonomic, Odometer};
 pub use position::Position;
+pub use position_velocity::PositionVelocity;
 pub use velocity::Velocity;
 pub use zero_rotation::ZeroRotation;
 pub use zero_velocity::ZeroVelocity;
@@ -97,6 +120,21 @@ pub struct Linearized<const M: usize> {
     pub r: SVector<f32, M>,
     /// Nominal interval of this measurement, the T of ξ1 [s]; zero or below: unknown, and ξ1 is not available
     pub interval: f32,
+}
+
+impl Linearized<3> {
+    /// Its first two rows.
+    fn horizontal(&self) -> Linearized<2> {
+        Linearized {
+            nu: SVector::from([self.nu.x, self.nu.y]),
+            h: match &self.h {
+                Jacobian::Direct { first } => Jacobian::Direct { first: *first },
+                Jacobian::Dense(h) => Jacobian::Dense(h.fixed_view::<2, N>(0, 0).into_owned()),
+            },
+            r: SVector::from([self.r.x, self.r.y]),
+            interval: self.interval,
+        }
+    }
 }
 
 /// ∂ν/∂δx of a measurement, so that correcting the estimate by δx leaves ν − h·δx.

@@ -1,18 +1,19 @@
 //! A measured geodetic position, as satellite receivers give it.
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{check_interval, variances, Jacobian, Linearized};
+use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::earth::Geodetic;
 use crate::error::Error;
-use crate::error_model::POS;
+use crate::error_model::{N, POS};
 use crate::nav::NavState;
 
-/// Geodetic position: z = (L, λ, h) + noise, compared in metres.
+/// Geodetic position of the IMU or of an antenna: z = (L, λ, h) + noise, compared in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
     z: Geodetic,
-    r: SVector<f32, 3>,
+    accuracy: Accuracy,
+    antenna: Antenna,
     interval: f32,
 }
 
@@ -23,12 +24,27 @@ impl Position {
     /// # Errors
     /// Those of [`Geodetic::check`] and [`variance`](super::variance).
     pub fn new(z: Geodetic, sigma_n: Vector3<f32>, interval: f32) -> Result<Self, Error> {
+        Self::with_accuracy(z, Accuracy::per_axis(sigma_n)?, interval)
+    }
+
+    /// As [`Position::new`] with the accuracy that came with this fix [m].
+    ///
+    /// # Errors
+    /// Those of [`Geodetic::check`]; [`Error::NonFinite`] for the interval.
+    pub fn with_accuracy(z: Geodetic, accuracy: Accuracy, interval: f32) -> Result<Self, Error> {
         z.check()?;
         Ok(Self {
             z,
-            r: variances(&sigma_n)?,
+            accuracy,
+            antenna: Antenna::AT_IMU,
             interval: check_interval(interval)?,
         })
+    }
+
+    /// The same as the position of this antenna.
+    #[must_use]
+    pub fn of(self, antenna: Antenna) -> Self {
+        Self { antenna, ..self }
     }
 
     /// Nominal interval between two such updates [s], zero or below when unknown.
@@ -36,18 +52,52 @@ impl Position {
         self.interval
     }
 
-    /// ν = ((λ_z − λ̂)(R_N+h) cos L, (L_z − L̂)(R_M+h), h_z − ĥ) [m], rows −1 on δr.
+    /// How good it is.
+    pub fn accuracy(&self) -> &Accuracy {
+        &self.accuracy
+    }
+
+    /// ν = ((λ_z − λ̂)(R_N+h) cos L, (L_z − L̂)(R_M+h), h_z − ĥ) − Ĉ l [m], rows −1 on δr and [`Antenna`]'s on ψ.
     ///
     /// The differences are taken before anything is rounded to f32 ([`NavState::displacement_to`]). Left out: second
     /// order, |ν|² tan L/R (1e-3 m for 80 m at 45°).
     pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
-        // `new` has checked z, so there always is a displacement; a NaN would be refused at the filter's door.
-        let nu = nav.displacement_to(&self.z);
+        let r = self.accuracy.variances();
+        if self.antenna.is_at_imu() && self.accuracy.is_diagonal() {
+            return Linearized {
+                nu: self.displacement(nav),
+                h: Jacobian::Direct { first: POS }, // δr is estimate minus truth
+                r,
+                interval: self.interval,
+            };
+        }
+        let mut h = SMatrix::<f32, 3, N>::zeros();
+        let nu = self.innovation(nav, &mut h);
         Linearized {
-            nu: nu.unwrap_or(Vector3::repeat(f32::NAN)),
-            h: Jacobian::Direct { first: POS }, // δr is estimate minus truth
-            r: self.r,
+            nu,
+            h: Jacobian::Dense(h),
+            r,
             interval: self.interval,
         }
+    }
+
+    /// The first two rows: a fix whose height is not used.
+    pub fn linearize_horizontal(&self, nav: &NavState) -> Linearized<2> {
+        self.linearize(nav).horizontal()
+    }
+
+    /// Innovation and rows with everything in it, the correlations taken out.
+    pub(super) fn innovation(&self, nav: &NavState, h: &mut SMatrix<f32, 3, N>) -> SVector<f32, 3> {
+        let offset = self.antenna.offset(&nav.c_b_n());
+        Antenna::position_rows::<3, 0>(&offset, h);
+        self.accuracy.decorrelate_rows(h);
+        self.accuracy
+            .decorrelated(&(self.displacement(nav) - offset))
+    }
+
+    /// `new` has checked z, so there always is a displacement; a NaN would be refused at the filter's door.
+    fn displacement(&self, nav: &NavState) -> Vector3<f32> {
+        nav.displacement_to(&self.z)
+            .unwrap_or(Vector3::repeat(f32::NAN))
     }
 }

@@ -1,19 +1,20 @@
 //! A measured velocity over the ground, as satellite receivers give it.
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{check_interval, variances, Jacobian, Linearized};
+use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::attitude::Enu;
 use crate::error::Error;
-use crate::error_model::VEL;
+use crate::error_model::{N, VEL};
 use crate::mechanization::MAX_SPEED;
 use crate::nav::NavState;
 
-/// Velocity over the ground in the level frame: z = v_n + noise.
+/// Velocity over the ground in the level frame, of the IMU or of an antenna: z = v_n + noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Velocity {
     z: Vector3<f32>,
-    r: SVector<f32, 3>,
+    accuracy: Accuracy,
+    antenna: Antenna,
     interval: f32,
 }
 
@@ -25,6 +26,18 @@ impl Velocity {
     /// [`Error::NonFinite`]; [`Error::OutOfRange`] for a component beyond [`MAX_SPEED`]; and those of
     /// [`variance`](super::variance).
     pub fn new(z: impl Into<Enu>, sigma_n: Vector3<f32>, interval: f32) -> Result<Self, Error> {
+        Self::with_accuracy(z, Accuracy::per_axis(sigma_n)?, interval)
+    }
+
+    /// As [`Velocity::new`] with the accuracy that came with this fix [m/s].
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::OutOfRange`] for a component beyond [`MAX_SPEED`].
+    pub fn with_accuracy(
+        z: impl Into<Enu>,
+        accuracy: Accuracy,
+        interval: f32,
+    ) -> Result<Self, Error> {
         let z = z.into().0;
         if !z.iter().all(|x| x.is_finite()) {
             return Err(Error::NonFinite);
@@ -34,9 +47,16 @@ impl Velocity {
         }
         Ok(Self {
             z,
-            r: variances(&sigma_n)?,
+            accuracy,
+            antenna: Antenna::AT_IMU,
             interval: check_interval(interval)?,
         })
+    }
+
+    /// The same as the velocity of this antenna.
+    #[must_use]
+    pub fn of(self, antenna: Antenna) -> Self {
+        Self { antenna, ..self }
     }
 
     /// Nominal interval between two such updates [s], zero or below when unknown.
@@ -44,19 +64,52 @@ impl Velocity {
         self.interval
     }
 
-    /// ν = z − v̂_n, rows −1 on δv.
+    /// How good it is.
+    pub fn accuracy(&self) -> &Accuracy {
+        &self.accuracy
+    }
+
+    /// ν = z − v̂_n − Ĉ (ω̂ × l), rows −1 on δv and [`Antenna`]'s on ψ and b_g.
     ///
     /// Left out: δv compares velocities in the frame at the estimated position, z comes in the frame at the true one.
     /// The turn between them, δθ, moves ν by at most |v̂|·|δr|/(R cos L): 5e-4 m/s for 10 m at 300 m/s on the
     /// equator.
     pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
-        let [e, n, u] = nav.strapdown().v_n;
-        let lo = Vector3::new(e.lo, n.lo, u.lo);
+        let r = self.accuracy.variances();
+        if self.antenna.is_at_imu() && self.accuracy.is_diagonal() {
+            return Linearized {
+                nu: self.difference(nav),
+                h: Jacobian::Direct { first: VEL }, // δv is estimate minus truth
+                r,
+                interval: self.interval,
+            };
+        }
+        let mut h = SMatrix::<f32, 3, N>::zeros();
+        let nu = self.innovation(nav, &mut h);
         Linearized {
-            nu: (self.z - nav.v_n()) - lo,
-            h: Jacobian::Direct { first: VEL }, // δv is estimate minus truth
-            r: self.r,
+            nu,
+            h: Jacobian::Dense(h),
+            r,
             interval: self.interval,
         }
+    }
+
+    /// The first two rows: a velocity whose vertical component is not used.
+    pub fn linearize_horizontal(&self, nav: &NavState) -> Linearized<2> {
+        self.linearize(nav).horizontal()
+    }
+
+    /// Innovation and rows with everything in it, the correlations taken out.
+    pub(super) fn innovation(&self, nav: &NavState, h: &mut SMatrix<f32, 3, N>) -> SVector<f32, 3> {
+        let c_b_n = nav.c_b_n();
+        let motion = self.antenna.motion(nav, &c_b_n);
+        self.antenna.velocity_rows::<3, 0>(&motion, &c_b_n, h);
+        self.accuracy.decorrelate_rows(h);
+        self.accuracy.decorrelated(&(self.difference(nav) - motion))
+    }
+
+    fn difference(&self, nav: &NavState) -> Vector3<f32> {
+        let [e, n, u] = nav.strapdown().v_n;
+        (self.z - nav.v_n()) - Vector3::new(e.lo, n.lo, u.lo)
     }
 }
