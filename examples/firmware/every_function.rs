@@ -33,6 +33,7 @@ use navsight::observability::spectrum::{self, Axes, Directions, Spectrum, Values
 use navsight::observability::structural::{
     self, Changes, Cover, Groups, Linking, Matchings, Pattern, Report, Segments, TermRank,
 };
+use navsight::observability::verdict::{self, Verdicts};
 use navsight::sensor::{self, Axis, Burst, Triad, Word};
 use navsight::tracking::{
     AxisTracker, CurrentModel, Fix, Kinematics, Limits as AccelerationLimits, LocalTracker, Mean,
@@ -529,11 +530,28 @@ fn filter_rows<const M: usize>(filter: &mut Filter) {
         interval: number(),
     };
     keep(Information::of(&any(linearized), filter.sigma0()));
+    let Ok(verdicts) = watching() else { return };
     if let Ok(report) = filter.update(&any(linearized)) {
         keep(report.rows_accepted());
         keep(Xi::of(&report));
+        keep(any(verdicts).take(any(2.0), &report));
         keep(report);
     }
+}
+
+fn watching() -> Result<Verdicts, Error> {
+    let limits = any(verdict::Limits::DEFAULT);
+    keep(limits.check());
+    let mut verdicts = Verdicts::new(&any([1.0; 15]), &any([Some(1.0); 15]), limits)?;
+    verdicts.set_ceilings(&any([None; 15]));
+    keep(verdicts.pass(any(1.0), &any([1.0; 15])));
+    keep((verdicts.limits(), verdicts.all(), verdicts.trend(any(1))));
+    keep((verdicts.reached(any(1)), verdicts.excess(any(1))));
+    if let Some(judgement) = verdicts.of(any(1)) {
+        keep((judgement.verdict.name(), judgement.reason.sentence()));
+        keep(judgement.reason.verdict());
+    }
+    Ok(verdicts)
 }
 
 fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Error> {

@@ -32,6 +32,14 @@
 //! position_m = 2
 //! height_m = 4
 //! velocity_m_s = 0.1
+//!
+//! [required]                    # σ that the user wants; left out: no requirement
+//! position_m = 5
+//! velocity_m_s = 0.05
+//! level_deg = 0.02
+//! heading_deg = 0.2
+//! gyro_bias_deg_h = 0.01
+//! accel_bias_ug = 50
 //! ```
 
 use std::fs;
@@ -39,7 +47,7 @@ use std::path::Path;
 
 use navsight::alignment::standing::Plan;
 use navsight::error::Error;
-use navsight::error_model::{BiasModel, NoiseDensity};
+use navsight::error_model::{BiasModel, NoiseDensity, N};
 use navsight::filter::{Prior, Settings};
 use navsight::imu::ImuLimits;
 use navsight::measurement::ZeroVelocity;
@@ -71,6 +79,42 @@ pub struct Config {
     pub filter: Running,
     /// How good satellite fixes are.
     pub gnss: Gnss,
+    /// What is wanted of the states.
+    pub required: Required,
+}
+
+/// Standard deviations that the user wants, per axis; none: no requirement.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Required {
+    /// [m]
+    pub position_m: Option<f64>,
+    /// [m/s]
+    pub velocity_m_s: Option<f64>,
+    /// Tilt [°].
+    pub level_deg: Option<f64>,
+    /// Heading [°].
+    pub heading_deg: Option<f64>,
+    /// [°/h]
+    pub gyro_bias_deg_h: Option<f64>,
+    /// [µg]
+    pub accel_bias_ug: Option<f64>,
+}
+
+impl Required {
+    /// In the order of the states, SI.
+    pub fn sigma(&self) -> [Option<f32>; N] {
+        let [r, v, level, heading, g, a] = [
+            (self.position_m, 1.0),
+            (self.velocity_m_s, 1.0),
+            (self.level_deg, 1f64.to_radians()),
+            (self.heading_deg, 1f64.to_radians()),
+            (self.gyro_bias_deg_h, DEG_PER_H),
+            (self.accel_bias_ug, MICRO_G),
+        ]
+        .map(|(sigma, unit)| sigma.map(|s| (s * unit) as f32));
+        [r, r, r, v, v, v, level, level, heading, g, g, g, a, a, a]
+    }
 }
 
 /// Grade of the sensor, navigation grade unless said otherwise.

@@ -39,6 +39,7 @@ impl Plan {
 
 /// What a sample led to.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // there is no heap to put the report on, and it lives for a look
 pub enum Progress {
     /// The coarse window is still open.
     Coarse,

@@ -194,6 +194,7 @@ impl Filter {
             p_before: update.p_before,
             p_after: update.p_after,
             decrease: update.decrease,
+            correction: update.dx,
             normalised: self.normalised,
             interval: measurement.interval,
         })

@@ -24,6 +24,10 @@ pub struct UpdateReport<const M: usize> {
     /// What the update took from each variance, likewise; to f32 precision of its own size, which the difference of the
     /// two above is not when little was learnt.
     pub decrease: [f32; N],
+    /// What the update took for the error of each state (estimate minus truth for position, velocity and attitude,
+    /// truth minus estimate for biases) and corrected, likewise in units of σ0. Where the filter's model holds it is
+    /// white, with `decrease` for its variance.
+    pub correction: [f32; N],
     /// Bit `i` is set when state `i` was started with a variance above zero; the others have no ξ.
     pub normalised: u16,
     /// Nominal interval of this measurement [s], the T of ξ1; zero or less when unknown.

@@ -16,6 +16,7 @@
 //! | [`eigen_degree`] λ, orders | Yang and Yin | F, H, `Staged` | on demand, in slices | see `BENCHMARKS.md` |
 //! | [`ceiling`] of ξ2, information | links of the three | `Staged`; A and rows of the filter | after it; every propagation and update | see `BENCHMARKS.md` |
 //! | [`agreement`] flag and sentence | all of them | the above and ξ2 | when somebody asks | a few products |
+//! | [`verdict`] word and reason per state | all of them | reports; ceilings where known | every update | see `BENCHMARKS.md` |
 //!
 //! ξ and η are *prior-weighted*: they say what is left of an initial variance, so a state that was known well at
 //! the start shows little, and a state whose prior was wide shows much. Strict observability is another question.
@@ -32,3 +33,4 @@ pub mod riccati;
 pub mod spectrum;
 pub mod structural;
 mod triangle;
+pub mod verdict;

@@ -11,12 +11,11 @@ use navsight::alignment::coarse::CoarseSolution;
 use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::N;
 use navsight::filter::{Filter, UpdateReport};
 use navsight::imu::ImuIncrement;
 use navsight::measurement::{Position, Velocity, ZeroVelocity};
 
-use super::history::{History, Snapshot};
+use super::history::Snapshot;
 use super::solution::{angles_deg, turn_deg, Solution};
 use super::states::xi;
 use super::LabError;
@@ -27,8 +26,12 @@ use crate::input::rest::{self, Flag};
 use crate::input::{Axes, ImuReader, ImuSample};
 
 mod pages;
+mod tally;
+mod verdicts;
 
 use pages::Outcome;
+use tally::{Last, Tally};
+use verdicts::Watch;
 
 /// Flags of the command.
 #[derive(clap::Args)]
@@ -197,49 +200,6 @@ struct Replay<'a> {
     tally: Tally,
 }
 
-/// What a run adds up, sample by sample.
-#[derive(Default)]
-struct Tally {
-    last: Option<Last>,
-    nis: Nis,
-    rejected: u64,
-    compared: Compared,
-    events: Vec<(f64, String)>,
-    history: History<Snapshot>,
-    time: f64,
-    samples: u64,
-}
-
-/// The last update.
-struct Last {
-    xi1: [f64; N],
-    xi2: [f64; N],
-}
-
-/// Normalised innovations of all updates.
-#[derive(Default)]
-struct Nis {
-    sum: f64,
-    rows: u64,
-    updates: u64,
-    last: f64,
-}
-
-impl Nis {
-    /// Mean per row; NaN, null in JSON, where there was none.
-    fn per_row(&self) -> f64 {
-        self.sum / self.rows as f64
-    }
-}
-
-/// Differences to the reference.
-#[derive(Default)]
-struct Compared {
-    count: u64,
-    sum: [f64; 3],
-    square: [f64; 3],
-}
-
 impl<'a> Replay<'a> {
     fn new(
         args: &Args,
@@ -329,11 +289,15 @@ impl<'a> Replay<'a> {
         match progress {
             Progress::Coarse | Progress::Between => {}
             Progress::Started(coarse) => {
-                self.event("coarse alignment done, the filter starts");
+                self.tally.event("coarse alignment done, the filter starts");
                 let filter = self.filter().cloned();
+                let standing = self.aids.fixes.is_empty() && self.aids.flags.is_none();
+                if let Some(filter) = &filter {
+                    self.tally.watch = Some(Watch::new(filter, &self.config.required, standing)?);
+                }
                 self.coarse = filter.as_ref().map(|filter| (coarse, Solution::of(filter)));
                 if let Some(filter) = filter {
-                    if !self.aids.fixes.is_empty() || self.aids.flags.is_some() {
+                    if !standing {
                         self.next_fix = self
                             .aids
                             .fixes
@@ -392,14 +356,11 @@ impl<'a> Replay<'a> {
     fn turning(&mut self, now: bool) {
         if now != self.turning {
             self.turning = now;
-            self.event(if now { "turning" } else { "standing again" });
-        }
-    }
-
-    fn event(&mut self, what: &str) {
-        const MOST: usize = 1000; // enough to see what is wrong with a recording
-        if self.tally.events.len() < MOST {
-            self.tally.events.push((self.tally.time, what.to_owned()));
+            if let Some(watch) = &mut self.tally.watch {
+                watch.turned();
+            }
+            self.tally
+                .event(if now { "turning" } else { "standing again" });
         }
     }
 
@@ -408,22 +369,13 @@ impl<'a> Replay<'a> {
         if reports.is_empty() {
             return Ok(());
         }
-        let (mut nis, mut rows) = (0.0, 0);
-        for report in reports {
-            nis += f64::from(report.nis);
-            rows += report.rows_accepted();
-            let refused = 3 - report.rows_accepted();
-            if refused > 0 {
-                self.tally.rejected += refused as u64;
-                self.event(&format!("{refused} of 3 rows beyond the gate"));
-            }
-        }
-        self.tally.nis.sum += nis;
-        self.tally.nis.rows += rows as u64;
-        self.tally.nis.updates += reports.len() as u64;
-        self.tally.nis.last = nis / rows as f64;
+        self.tally.innovations(reports);
         let (xi1, xi2) = xi(reports)?;
         self.tally.last = Some(Last { xi1, xi2 });
+        let (nav_time, time) = (self.filter().map_or(0.0, Filter::time), self.tally.time);
+        if let Some(watch) = &mut self.tally.watch {
+            watch.take(time, nav_time, reports);
+        }
         if let Some(filter) = self.filter() {
             let snapshot = Snapshot {
                 t: self.tally.time,

@@ -9,7 +9,8 @@ use serde_json::{json, Value};
 use super::super::history::Snapshot;
 use super::super::solution::{table, turn_deg, Solution};
 use super::super::states::STATES;
-use super::{Last, Tally};
+use super::tally::{Last, Tally};
+use super::verdicts::Watch;
 use crate::report::{digits, short, Chart, Page, Scale, Series, Table, Tone};
 
 /// What came out.
@@ -39,6 +40,9 @@ impl Outcome {
             "xi2": self.tally.last.as_ref().map(|l| l.xi2),
             "sigma0": self.sigma0,
             "sigma": self.sigma,
+            "verdicts": self.tally.watch.as_ref().map(Watch::words),
+            "verdict_reasons": self.tally.watch.as_ref().map(Watch::reasons),
+            "verdict_changes": self.tally.watch.as_ref().map(Watch::changes),
             "nis": { "mean_per_row": per_row, "last_per_row": self.tally.nis.last, "updates": self.tally.nis.updates },
             "rejected": self.tally.rejected,
             "rms_vs_ref": self.rms_json(),
@@ -87,6 +91,7 @@ impl Outcome {
                 "σ now",
                 "ξ1 now [1/s]",
                 "ξ2 now",
+                "verdict",
             ],
         );
         for (i, state) in STATES.iter().enumerate() {
@@ -100,6 +105,11 @@ impl Outcome {
                 short(self.sigma[i] / state.in_si),
                 short(xi(|l| &l.xi1)),
                 short(xi(|l| &l.xi2)),
+                self.tally
+                    .watch
+                    .as_ref()
+                    .map_or("", |w| w.word(i))
+                    .to_owned(),
             ]);
         }
         table
