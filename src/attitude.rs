@@ -199,8 +199,12 @@ pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
     // (|φ|/2)²
     let p = 0.25 * (phi.x * phi.x + phi.y * phi.y + phi.z * phi.z);
     // sin y/y and 2(1 − cos y)/y² of y² = p: 2·3, 4·5, … and 3·4, 5·6, …
-    let sine = nested(p, &SINE);
-    let cosine = nested(p, &COSINE);
+    // Below 0.06 rad the terms after these three are less than a hundredth of the last place.
+    let (sine, cosine) = if p < 1e-3 {
+        (nested(p, &SINE[6..]), nested(p, &COSINE[5..]))
+    } else {
+        (nested(p, &SINE), nested(p, &COSINE))
+    };
     [
         -0.5 * p * cosine,
         0.5 * sine * phi.x,
@@ -211,7 +215,7 @@ pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
 
 /// 1 − p·c_last (… (1 − p·c_first)).
 #[inline(always)]
-fn nested<const K: usize>(p: f32, c: &[f32; K]) -> f32 {
+fn nested(p: f32, c: &[f32]) -> f32 {
     c.iter().fold(1.0, |series, c| 1.0 - series * (p * c))
 }
 

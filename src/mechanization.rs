@@ -91,7 +91,20 @@ impl Strapdown {
             count: 0,
         };
         state.settle();
+        state.renew(0.0);
         state
+    }
+
+    /// 1/(R_M + h), 1/(R_N + h) [1/m] and tan L, of the last renewal.
+    #[inline(always)]
+    pub(crate) fn curvature(&self) -> (f32, f32, f32) {
+        (self.slow.inv_r_m, self.slow.inv_r_n, self.slow.tan_lat)
+    }
+
+    /// 1/((R_N + h) cos L) [1/m], of the last renewal.
+    #[inline(always)]
+    pub(crate) fn inv_parallel(&self) -> f32 {
+        self.slow.inv_parallel
     }
 
     /// Moves on by one sample.
@@ -115,7 +128,7 @@ impl Strapdown {
     pub fn step(&mut self, motion: &Motion) -> Result<Step, Error> {
         let dt = motion.dt;
         if self.count.is_multiple_of(SLOW) {
-            self.inside()?;
+            inside(&self.lat, &self.height, self.v_n.map(|v| v.hi))?;
             self.renew(dt);
         }
         if self.count % LENGTH == SLOW / 2 {
@@ -200,37 +213,15 @@ impl Strapdown {
         })
     }
 
-    /// Latitude, height and speed inside what is accepted.
-    #[inline(always)]
-    fn inside(&self) -> Result<(), Error> {
-        let (x, y, z) = (self.v_n[0].hi, self.v_n[1].hi, self.v_n[2].hi);
-        if self.lat.hi.abs() > MAX_LATITUDE {
-            return Err(Error::Polar);
-        }
-        // Written as what is good: a NaN would fail both.
-        let slow = x * x + y * y + z * z <= MAX_SPEED * MAX_SPEED;
-        if slow && (MIN_HEIGHT..=MAX_HEIGHT).contains(&self.height.hi) {
-            Ok(())
-        } else {
-            Err(Error::OutOfRange)
-        }
-    }
-
-    /// After the state was set from outside: refuses what is not accepted, brings the longitude back into [−π, π].
-    pub(crate) fn admit(&mut self) -> Result<(), Error> {
-        self.inside()?;
-        if self.lon.hi.abs() > core::f32::consts::TAU {
-            return Err(Error::OutOfRange);
-        }
-        if self.lon.hi.abs() > core::f32::consts::PI {
-            self.lon = wrapped(self.lon);
-        }
-        Ok(())
-    }
-
     /// After the state was set from outside: unit length, slow values at the next sample.
     pub(crate) fn settle(&mut self) {
         self.normalize();
+        self.renew_next();
+    }
+
+    /// Slow values at the next sample, and unit length four samples later.
+    #[inline(always)]
+    pub(crate) fn renew_next(&mut self) {
         self.count = 0;
     }
 
@@ -265,6 +256,34 @@ impl Strapdown {
         x.add(k * x.hi);
         y.add(k * y.hi);
         z.add(k * z.hi);
+    }
+}
+
+/// Latitude, height and speed inside what is accepted.
+#[inline(always)]
+fn inside(lat: &Two, height: &Two, [x, y, z]: [f32; 3]) -> Result<(), Error> {
+    if lat.hi.abs() > MAX_LATITUDE {
+        return Err(Error::Polar);
+    }
+    // Written as what is good: a NaN would fail both.
+    let slow = x * x + y * y + z * z <= MAX_SPEED * MAX_SPEED;
+    if slow && (MIN_HEIGHT..=MAX_HEIGHT).contains(&height.hi) {
+        Ok(())
+    } else {
+        Err(Error::OutOfRange)
+    }
+}
+
+/// Of a state that is set from outside: refuses what is not accepted, and brings the longitude into [−π, π].
+#[inline(always)]
+pub(crate) fn admit(lat: &Two, lon: Two, height: &Two, v_n: [f32; 3]) -> Result<Two, Error> {
+    inside(lat, height, v_n)?;
+    if lon.hi.abs() <= core::f32::consts::PI {
+        Ok(lon)
+    } else if lon.hi.abs() <= core::f32::consts::TAU {
+        Ok(wrapped(lon))
+    } else {
+        Err(Error::OutOfRange)
     }
 }
 

@@ -14,7 +14,7 @@ use navsight::error::Error;
 use navsight::error_model::{
     self, discrete, phi, psi, BiasModel, Environment, Interval, NoiseDensity, Scaling,
 };
-use navsight::filter::{Filter, Prior, Settings};
+use navsight::filter::{Filter, Prior, Settings, UpdateReport};
 use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
 use navsight::measurement::{
@@ -530,6 +530,9 @@ fn filter_rows<const M: usize>(filter: &mut Filter) {
         interval: number(),
     };
     keep(Information::of(&any(linearized), filter.sigma0()));
+    let mut room = UpdateReport::empty();
+    keep(filter.update_into(&any(linearized), &mut room));
+    keep(room);
     let Ok(verdicts) = watching() else { return };
     if let Ok(report) = filter.update(&any(linearized)) {
         keep(report.rows_accepted());

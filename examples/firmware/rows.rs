@@ -14,7 +14,7 @@ use navsight::error::Error;
 use navsight::error_model::{
     block_rates, block_transition, BiasModel, Interval, NoiseDensity, Scaling,
 };
-use navsight::filter::{Filter, Prior, Settings};
+use navsight::filter::{Filter, Prior, Settings, UpdateReport};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::linalg::Real;
 use navsight::measurement::{Height, Linearized, ZeroVelocity};
@@ -72,7 +72,7 @@ pub fn run(out: &mut HostStream) -> core::fmt::Result {
     table.row("empty", "", (), |_| Ok(()))?;
     table.row("calibration", "", (), calibration)?;
 
-    let (filter, imu) = aligning().map_err(refused)?;
+    let (filter, imu) = aligning(100).map_err(refused)?;
     navigator(table, &filter, imu)?;
     observability(table, &filter)?;
     ways::run(table)?;
@@ -119,6 +119,28 @@ fn navigator(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt
         (settled(filter, &measurement)?, standing),
         |(filter, standing)| filter.update(&standing.linearize(filter.nav())),
     )?;
+    table.row(
+        "three-row velocity update with ξ1 and ξ2",
+        "f32",
+        (
+            settled(filter, &measurement)?,
+            standing,
+            UpdateReport::empty(),
+        ),
+        |(filter, standing, report)| {
+            filter.update_into(&standing.linearize(filter.nav()), report)?;
+            Xi::of(report)
+        },
+    )?;
+    table.row(
+        "three-row velocity update with ξ1 and ξ2, the first: the variances of velocity collapse",
+        "f32",
+        (fresh()?, standing, UpdateReport::empty()),
+        |(filter, standing, report)| {
+            filter.update_into(&standing.linearize(filter.nav()), report)?;
+            Xi::of(report)
+        },
+    )?;
     let height = Height::new(401.0, 1.0, 0.1).map_err(refused)?;
     let measurement = height.linearize(filter.nav());
     table.row(
@@ -126,6 +148,19 @@ fn navigator(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt
         "f32",
         (settled(filter, &measurement)?, height),
         |(filter, height)| filter.update(&height.linearize(filter.nav())),
+    )?;
+    table.row(
+        "one-row update with ξ1 and ξ2",
+        "f32",
+        (
+            settled(filter, &measurement)?,
+            height,
+            UpdateReport::empty(),
+        ),
+        |(filter, height, report)| {
+            filter.update_into(&height.linearize(filter.nav()), report)?;
+            Xi::of(report)
+        },
     )?;
     table.row(
         "one-row update, the first: a variance collapses",
@@ -139,6 +174,16 @@ fn navigator(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt
         (settled(filter, &dense())?, dense()),
         |(filter, rows)| filter.update(rows),
     )
+}
+
+/// A filter just before its first update, a tenth of a second after its start.
+fn fresh() -> Result<Filter, core::fmt::Error> {
+    let (mut filter, imu) = aligning(0).map_err(refused)?;
+    for _ in 0..10 {
+        filter.propagate(&imu).map_err(refused)?;
+    }
+    filter.synchronize();
+    Ok(filter)
 }
 
 /// The filter after ten of these updates, all rows of which it used: a gated row would be cheaper, and a variance that
@@ -321,8 +366,9 @@ fn gathered(filter: &Filter, imu: ImuIncrement) -> Filter {
     filter
 }
 
-/// A filter ten seconds into its alignment, tilted, with zero-velocity updates ten times a second; and a next sample.
-fn aligning() -> Result<(Filter, ImuIncrement), Error> {
+/// A filter some tenths of a second into its alignment, tilted, with zero-velocity updates ten times a second; and a next
+/// sample.
+fn aligning(updates: u8) -> Result<(Filter, ImuIncrement), Error> {
     let position = Geodetic::from_degrees(34.0, 108.0, 400.0);
     let nav = NavState::new(
         position,
@@ -351,7 +397,7 @@ fn aligning() -> Result<(Filter, ImuIncrement), Error> {
         let sway = Vector3::new(0.02, -0.01, 0.03) * (f32::from(k % 16) / 8.0 - 1.0);
         ImuIncrement::from_rates(omega_b + sway * 0.1, f_b + sway, 0.01)
     };
-    for k in 0..100u8 {
+    for k in 0..updates {
         for i in 0..10u8 {
             filter.propagate(&imu(k.wrapping_mul(10).wrapping_add(i)))?;
         }

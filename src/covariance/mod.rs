@@ -6,7 +6,7 @@
 //! | `general` | [`Covariance::propagate`]: any N, any dense A = Φ − I |
 //! | `structured` | [`Covariance15::propagate_blocks`]: the 15-state pattern of [`crate::linalg::BlockTransition`], spelled out |
 //! | `update` | [`Covariance::update`]: M rows in one sweep, each with its gate |
-//! | `swift` | how that is done when no variance collapses: one word per product, spelled out for 15 states |
+//! | `swift` | how that is done when no variance collapses but those of the measured states: one word per product, spelled out for 15 states |
 //! | `careful` | how it is done when one does, and for any other N: double words |
 
 mod careful;
@@ -17,4 +17,5 @@ mod swift;
 mod update;
 
 pub use packed::{Covariance, Covariance15};
+pub(crate) use update::{Lines, Pattern, Slots};
 pub use update::{Observation, Rows, Update};

@@ -1,37 +1,27 @@
-//! The update of the 15-state triangle in one unrolled sweep: for every step in which no variance collapses.
+//! The update of the 15-state triangle in one unrolled sweep: for every step in which no variance collapses but those of
+//! the measured states themselves.
 //!
 //! One word per product. It writes nothing unless every row and every variance passes a check that is stricter than
 //! the law; whatever it does not like goes to the careful update, which knows what is an error and what is only rare.
+//!
+//! Rows that measure states by themselves (FIRST below) need no subtraction in the rows and columns of these states:
+//!
+//! ```text
+//! P⁺_:b = P_:b − P_:b S⁻¹ P_bb = P_:b S⁻¹ R = K R        with S = P_bb + R
+//! ```
+//!
+//! which is a product, right to rounding however far the variance falls, and cheaper than a compensated sum.
 
 use super::packed::{at, column, upper, Covariance};
-use super::update::{Gate, Observation, Rows, Update};
+use super::update::{Gate, Lines, Pattern, Slots};
 use crate::error::Error;
-use crate::linalg::{two_add, Real};
+use crate::linalg::{each_state, two_add, Real};
 use nalgebra::SMatrix;
 
 /// Number of states this is written for.
 const STATES: usize = 15;
-
-/// Calls `$m!(0)` … `$m!(14)`.
-macro_rules! each_state {
-    ($m:ident) => {
-        $m!(0);
-        $m!(1);
-        $m!(2);
-        $m!(3);
-        $m!(4);
-        $m!(5);
-        $m!(6);
-        $m!(7);
-        $m!(8);
-        $m!(9);
-        $m!(10);
-        $m!(11);
-        $m!(12);
-        $m!(13);
-        $m!(14);
-    };
-}
+/// FIRST of rows that measure no state by itself.
+const NONE: usize = STATES;
 
 /// Repeats a line for the rows that there are.
 macro_rules! each_row {
@@ -44,6 +34,18 @@ macro_rules! each_row {
     };
 }
 
+/// What is kept between the check of an update and its writing.
+struct Work<T, const M: usize, const N: usize> {
+    /// Columns P h of the rows, state after state; each row less what the rows before it explain.
+    c: [[T; M]; N],
+    /// 1/s; zero for a row that was gated out.
+    inverse: [T; M],
+    /// K R of a state is B c: the diagonal of B's first factor …
+    shrink: [T; M],
+    /// … and what [`back`] takes off, both with R inside.
+    back: [[T; M]; M],
+}
+
 /// The rows made uncorrelated, each given those before it.
 struct Sequence<T, const M: usize> {
     /// How much of row k is in row m > k: l[m][k].
@@ -54,88 +56,119 @@ struct Sequence<T, const M: usize> {
     gain: [T; M],
 }
 
-/// Columns P h of the rows, state after state.
-type Panel<T, const M: usize, const N: usize> = [[T; M]; N];
-
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Updates the triangle and says true, or leaves it as it is and says false.
     #[inline(always)]
     pub(super) fn update_swiftly<const M: usize>(
         &mut self,
-        rows: &Rows<T, M, N>,
-        out: &mut Update<T, M, N>,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
         if N != STATES {
             return Ok(false); // known at compile time: of the constant indices below nothing is left then
         }
-        match &rows.h {
-            Observation::Direct { first: 0 } => self.take_block::<M, 0>(rows, out, accept),
-            Observation::Direct { first: 3 } => self.take_block::<M, 3>(rows, out, accept),
-            Observation::Direct { first } => self.take_states(*first, rows, out, accept),
-            Observation::Dense(h) => self.take_dense(h, rows, out, accept),
+        // any numbers: all are written before they are read
+        let mut work = Work {
+            c: [[T::one(); M]; N],
+            inverse: [T::one(); M],
+            shrink: [T::one(); M],
+            back: [[T::one(); M]; M],
+        };
+        let block = match rows.h {
+            Pattern::Direct { first: 2 } if M == 1 => self.form_block::<M, 2>(rows, out, &mut work),
+            Pattern::Direct { first: 3 } if M == 3 => self.form_block::<M, 3>(rows, out, &mut work),
+            _ => false,
+        };
+        if !block && !self.form_any(rows, out, &mut work) {
+            return Ok(false);
         }
+        accept(out.dx)?;
+        if !block {
+            self.sweep::<M, NONE>(&work);
+        } else if M == 1 {
+            self.sweep::<M, 2>(&work);
+        } else {
+            self.sweep::<M, 3>(&work);
+        }
+        Ok(true)
     }
 
-    /// Direct rows from state FIRST on, FIRST known at compile time.
+    /// Direct rows from state FIRST on, FIRST known at compile time, all of which pass their gates.
     #[inline(never)]
-    fn take_block<const M: usize, const FIRST: usize>(
-        &mut self,
-        rows: &Rows<T, M, N>,
-        out: &mut Update<T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<bool, Error> {
-        let mut c = [[T::zero(); M]; N];
-        macro_rules! one {
-            ($i:literal) => {
-                each_row!(m; if FIRST + m < N {
-                    c[$i][m] = self.hi[at($i, FIRST + m)];
-                });
-            };
-        }
-        each_state!(one);
+    fn form_block<const M: usize, const FIRST: usize>(
+        &self,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        work: &mut Work<T, M, N>,
+    ) -> bool {
         let mut hph = [[T::zero(); M]; M];
-        each_row!(m; if FIRST + m < N {
-            hph[m] = c[FIRST + m];
-        });
+        each_row!(m; { each_row!(k; hph[m][k] = self.hi[at(FIRST + m, FIRST + k)]); });
         // both signs turned, of the rows and of their innovations
-        self.take(rows, &rows.nu.map(|x| -x), &mut c, &hph, out, accept)
+        match sequence(&hph, &rows.nu.map(|x| -x), rows, out) {
+            Some(q) if out.accepted.iter().all(|used| *used) => {
+                each_row!(m; {
+                    work.shrink[m] = q.inverse[m] * rows.r[m];
+                    each_row!(k; if k < m {
+                        work.back[m][k] = q.l[m][k] * (rows.r[k] / rows.r[m]);
+                    });
+                });
+                self.variances::<M, FIRST>(&q, out, work)
+            }
+            _ => false,
+        }
     }
 
-    /// Direct rows from any state on; zeros where there is no such state.
+    /// Any rows, each used or gated out.
     #[inline(never)]
-    fn take_states<const M: usize>(
-        &mut self,
-        first: usize,
-        rows: &Rows<T, M, N>,
-        out: &mut Update<T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<bool, Error> {
-        let mut c = [[T::zero(); M]; N];
+    fn form_any<const M: usize>(
+        &self,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        work: &mut Work<T, M, N>,
+    ) -> bool {
+        let mut nu = *rows.nu;
+        let hph = match rows.h {
+            Pattern::Direct { first } => {
+                nu = nu.map(|x| -x); // both signs turned
+                self.direct_panel(first, &mut work.c)
+            }
+            Pattern::Dense(h) => self.dense_panel(h, &mut work.c),
+        };
+        match sequence(&hph, &nu, rows, out) {
+            Some(q) => self.variances::<M, NONE>(&q, out, work),
+            None => false,
+        }
+    }
+
+    /// P Hᵀ and H P Hᵀ of direct rows from any state on; zeros where there is no such state.
+    #[inline(always)]
+    fn direct_panel<const M: usize>(&self, first: usize, c: &mut [[T; M]; N]) -> [[T; M]; M] {
         for m in 0..M {
-            if first + m < N {
-                for (c, p) in c.iter_mut().zip(column::<T, N>(&self.hi, first + m)) {
-                    c[m] = p;
-                }
+            let p = if first + m < N {
+                column::<T, N>(&self.hi, first + m)
+            } else {
+                [T::zero(); N]
+            };
+            for (c, p) in c.iter_mut().zip(p) {
+                c[m] = p;
             }
         }
         let mut hph = [[T::zero(); M]; M];
         for (g, c) in hph.iter_mut().zip(c.iter().skip(first)) {
             *g = *c;
         }
-        self.take(rows, &rows.nu.map(|x| -x), &mut c, &hph, out, accept)
+        hph
     }
 
-    /// Any rows.
-    #[inline(never)]
-    fn take_dense<const M: usize>(
-        &mut self,
+    /// P Hᵀ and H P Hᵀ of any rows; a state that no row sees costs nothing.
+    #[inline(always)]
+    fn dense_panel<const M: usize>(
+        &self,
         h: &SMatrix<T, M, N>,
-        rows: &Rows<T, M, N>,
-        out: &mut Update<T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<bool, Error> {
-        let mut c = [[T::zero(); M]; N];
+        c: &mut [[T; M]; N],
+    ) -> [[T; M]; M] {
+        *c = [[T::zero(); M]; N];
         for (j, h) in h.column_iter().enumerate() {
             if h.iter().all(|h| *h == T::zero()) {
                 continue;
@@ -156,67 +189,54 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 }
             }
         }
-        self.take(rows, &rows.nu, &mut c, &hph, out, accept)
+        hph
     }
 
-    /// The rows of this panel: one piece of code for direct and dense ones.
-    #[inline(never)]
-    fn take<const M: usize>(
-        &mut self,
-        rows: &Rows<T, M, N>,
-        nu: &[T; M],
-        c: &mut Panel<T, M, N>,
-        hph: &[[T; M]; M],
-        out: &mut Update<T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<bool, Error> {
-        let Some(q) = sequence(hph, nu, rows, out) else {
-            return Ok(false);
-        };
-        if !self.variances(c, &q, out) {
-            return Ok(false);
-        }
-        accept(&out.dx)?;
-        if out.accepted.iter().any(|used| *used) {
-            self.sweep(c, &q.inverse);
-        } else {
-            out.p_after = out.p_before;
-        }
-        Ok(true)
-    }
-
-    /// Reduces the panel to the sequential rows; δx and every variance after; whether none of them is more than halved.
+    /// Reduces the panel to the sequential rows; δx and every variance after; whether all of them are fit: none but
+    /// those of measured states more than halved.
     #[inline(always)]
-    fn variances<const M: usize>(
+    fn variances<const M: usize, const FIRST: usize>(
         &self,
-        c: &mut Panel<T, M, N>,
         q: &Sequence<T, M>,
-        out: &mut Update<T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        work: &mut Work<T, M, N>,
     ) -> bool {
-        let mut fit = true;
+        work.inverse = q.inverse;
+        let mut signs = 0;
         let mut total = T::zero();
         macro_rules! one {
             ($j:literal) => {{
-                let c = &mut c[$j];
-                reduce(c, &q.l);
-                let d = dot(c, &times(c, &q.inverse));
+                let mut c = work.c[$j];
+                if FIRST < NONE {
+                    each_row!(m; c[m] = self.hi[at($j, FIRST + m)]);
+                }
+                reduce(&mut c, &q.l);
+                work.c[$j] = c;
+                let d = dot(&c, &times(&c, &q.inverse));
                 let before = self.hi[upper($j, $j)];
-                let after = two_add(before, self.lo[upper($j, $j)], -d).0;
-                out.dx[$j] = dot(c, &q.gain);
+                let after = if measured::<M, FIRST>($j) {
+                    back(&times(&c, &work.shrink), &work.back)[$j - FIRST]
+                } else {
+                    two_add(before, self.lo[upper($j, $j)], -d).0
+                };
+                out.dx[$j] = dot(&c, &q.gain);
                 out.decrease[$j] = d;
                 out.p_before[$j] = before;
                 out.p_after[$j] = after;
-                fit &= after >= d;
+                let halved = if measured::<M, FIRST>($j) { after } else { after - d };
+                signs |= halved.sign_word();
                 total += after;
             }};
         }
         each_state!(one);
-        fit && total.finite()
+        signs >> 31 == 0 && total.finite()
     }
 
-    /// P ← P − Σ c cᵀ/s, three columns at a time, so that a panel entry is read once for three elements.
-    #[inline(always)]
-    fn sweep<const M: usize>(&mut self, c: &Panel<T, M, N>, inverse: &[T; M]) {
+    /// P ← P − Σ c cᵀ/s, three columns at a time, so that a panel entry is read once for three elements; rows and columns
+    /// of states measured by themselves ← K R.
+    #[inline(never)]
+    fn sweep<const M: usize, const FIRST: usize>(&mut self, work: &Work<T, M, N>) {
+        let (c, inverse) = (&work.c, &work.inverse);
         macro_rules! tile {
             ($a:literal, $b:literal, $c:literal) => {{
                 let g = [
@@ -226,9 +246,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 ];
                 macro_rules! one {
                     ($i:literal) => {
-                        self.lower::<M, $i, $a>(&c[$i], &g[0]);
-                        self.lower::<M, $i, $b>(&c[$i], &g[1]);
-                        self.lower::<M, $i, $c>(&c[$i], &g[2]);
+                        self.lower::<M, FIRST, $i, $a>(&c[$i], &g[0]);
+                        self.lower::<M, FIRST, $i, $b>(&c[$i], &g[1]);
+                        self.lower::<M, FIRST, $i, $c>(&c[$i], &g[2]);
                     };
                 }
                 each_state!(one);
@@ -239,16 +259,38 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         tile!(6, 7, 8);
         tile!(9, 10, 11);
         tile!(12, 13, 14);
+        if FIRST < NONE {
+            macro_rules! one {
+                ($i:literal) => {
+                    let x = back(&times(&c[$i], &work.shrink), &work.back);
+                    each_row!(m; if at($i, FIRST + m) == upper($i, FIRST + m) || !measured::<M, FIRST>($i) {
+                        let k = at($i, FIRST + m);
+                        (self.hi[k], self.lo[k]) = (x[m], T::zero());
+                    });
+                };
+            }
+            each_state!(one);
+        }
     }
 
-    /// Element (I, J) of the upper triangle.
+    /// Element (I, J) of the upper triangle, unless its row or column belongs to a measured state.
     #[inline(always)]
-    fn lower<const M: usize, const I: usize, const J: usize>(&mut self, c: &[T; M], g: &[T; M]) {
-        if I <= J {
+    fn lower<const M: usize, const FIRST: usize, const I: usize, const J: usize>(
+        &mut self,
+        c: &[T; M],
+        g: &[T; M],
+    ) {
+        if I <= J && !measured::<M, FIRST>(I) && !measured::<M, FIRST>(J) {
             let k = upper(I, J);
             (self.hi[k], self.lo[k]) = two_add(self.hi[k], self.lo[k], -dot(c, g));
         }
     }
+}
+
+/// Whether a row measures this state by itself.
+#[inline(always)]
+const fn measured<const M: usize, const FIRST: usize>(state: usize) -> bool {
+    FIRST < NONE && state >= FIRST && state < FIRST + M
 }
 
 /// Factorises H P Hᵀ + R row after row and gates each; None when a row is not fit.
@@ -256,50 +298,50 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
 fn sequence<T: Real, const M: usize, const N: usize>(
     hph: &[[T; M]; M],
     nu: &[T; M],
-    rows: &Rows<T, M, N>,
-    out: &mut Update<T, M, N>,
+    rows: &Lines<'_, T, M, N>,
+    out: &mut Slots<'_, T, M, N>,
 ) -> Option<Sequence<T, M>> {
     let zero = T::zero();
-    let mut q = Sequence {
-        l: [[zero; M]; M],
-        inverse: [zero; M],
-        gain: [zero; M],
-    };
+    let mut l = [[zero; M]; M];
+    let mut inverse = [zero; M];
+    let mut gain = [zero; M];
     let mut w = [[zero; M]; M]; // w[m][k] = l[m][k] s_k
-    out.nis = zero;
+    let mut sum = zero;
     each_row!(m; {
         let r = rows.r[m];
-        let mut s = hph[m][m] + r;
+        let alone = hph[m][m] + r;
+        let mut s = alone;
         let mut e = nu[m];
-        out.s[m] = s;
+        out.s[m] = alone;
         each_row!(k; if k < m {
-            s -= w[m][k] * q.l[m][k];
-            e -= w[m][k] * q.gain[k];
+            s -= w[m][k] * l[m][k];
+            e -= w[m][k] * gain[k];
         });
-        let inverse = T::one() / s;
-        let nis = e * e * inverse;
-        // 0 < r ≤ s, all finite: holds for every sound row
-        if !(r > zero && s >= r && nis.finite()) {
+        let one_over_s = T::one() / s;
+        let nis = e * e * one_over_s;
+        // 0 < r ≤ s, all finite: holds for every sound row. And s is no small difference of large numbers.
+        if !(r > zero && s >= r && s >= alone * T::of(1.0 / 16.0) && nis.finite()) {
             return None;
         }
         out.row_nis[m] = nis;
         let used = Gate(rows.gate).passes(nis).ok()?;
         out.accepted[m] = used;
         if used {
-            out.nis += nis;
-            q.inverse[m] = inverse;
-            q.gain[m] = e * inverse;
+            sum += nis;
+            inverse[m] = one_over_s;
+            gain[m] = e * one_over_s;
         }
         each_row!(n; if n > m {
             let mut x = hph[n][m];
             each_row!(k; if k < m {
-                x -= w[n][k] * q.l[m][k];
+                x -= w[n][k] * l[m][k];
             });
             w[n][m] = x;
-            q.l[n][m] = x * q.inverse[m];
+            l[n][m] = x * inverse[m];
         });
     });
-    Some(q)
+    *out.nis = sum;
+    Some(Sequence { l, inverse, gain })
 }
 
 #[inline(always)]
@@ -324,4 +366,75 @@ fn reduce<T: Real, const M: usize>(c: &mut [T; M], l: &[[T; M]; M]) {
         each_row!(k; if k < m { x -= l[m][k] * c[k] });
         c[m] = x;
     });
+}
+
+/// L⁻ᵀ g. With g = D⁻¹ L⁻¹ P_bj this is the gain K of state j; with R taken into g and L, K R.
+#[inline(always)]
+fn back<T: Real, const M: usize>(g: &[T; M], l: &[[T; M]; M]) -> [T; M] {
+    let mut x = *g;
+    each_row!(n; {
+        let from = M - 1 - n;
+        each_row!(k; if k < from { x[k] -= l[from][k] * x[from] });
+    });
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::covariance::{Covariance15, Observation, Rows};
+    use nalgebra::{SMatrix, SVector};
+
+    /// Some full covariance with variances of about 1, from a linear congruence.
+    fn some() -> SMatrix<f64, 15, 15> {
+        let mut seed = 11u64;
+        let x = SMatrix::<f64, 15, 15>::from_fn(|_, _| {
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        });
+        x * x.transpose() / 15.0 + SMatrix::identity() * 0.5
+    }
+
+    fn is_the_textbook_one<const M: usize>(first: usize, r: f64) {
+        let p0 = some();
+        let mut p = Covariance15::from_matrix(&p0).unwrap();
+        let nu = SVector::<f64, M>::from_fn(|m, _| 0.1 + m as f64);
+        let u = p
+            .update(&Rows {
+                nu: nu.into(),
+                h: Observation::Direct { first },
+                r: [r; M],
+                gate: None,
+            })
+            .unwrap();
+        let h = SMatrix::<f64, M, 15>::from_fn(|m, j| if j == first + m { -1.0 } else { 0.0 });
+        let s = h * p0 * h.transpose() + SMatrix::<f64, M, M>::identity() * r;
+        let k = p0 * h.transpose() * s.cholesky().unwrap().inverse();
+        let joseph = SMatrix::<f64, 15, 15>::identity() - k * h;
+        let after = joseph * p0 * joseph.transpose() + k * k.transpose() * r;
+        for i in 0..15 {
+            for j in 0..15 {
+                // relative to the two variances: what collapsed is as right as the rest
+                let scale = (after[(i, i)] * after[(j, j)]).sqrt();
+                let error = (p.element(i, j) - after[(i, j)]).abs() / scale;
+                assert!(error < 1e-12, "({i}, {j}): {error:e}, r {r}");
+            }
+        }
+        assert!((SVector::from(u.dx) - k * nu).amax() < 1e-13);
+        assert_eq!(u.p_after, p.diagonal());
+        for (d, (a, b)) in u.decrease.iter().zip(u.p_after.iter().zip(&u.p_before)) {
+            assert!((d - (b - a)).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn rows_of_single_states_are_the_textbook_update_however_far_the_variance_falls() {
+        for r in [1.0, 1e-2, 1e-6] {
+            is_the_textbook_one::<3>(3, r); // K R
+            is_the_textbook_one::<1>(2, r);
+            is_the_textbook_one::<3>(0, r); // the general sweep, or double words where it collapses
+            is_the_textbook_one::<2>(7, r);
+        }
+    }
 }

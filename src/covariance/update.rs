@@ -1,6 +1,6 @@
 //! The measurement update: M rows, each with its gate, refused as a whole or done.
 
-use super::careful::{Lines, Outcome, Panel, Pattern};
+use super::careful::{self, Outcome, Panel};
 use super::packed::Covariance;
 use crate::error::Error;
 use crate::linalg::{Pair, Real};
@@ -56,6 +56,33 @@ pub struct Update<T, const M: usize, const N: usize> {
     pub p_after: [T; N],
 }
 
+/// M rows as the kernels read them.
+pub(crate) struct Lines<'a, T, const M: usize, const N: usize> {
+    pub nu: &'a [T; M],
+    pub r: &'a [T; M],
+    pub gate: Option<T>,
+    pub h: Pattern<'a, T, M, N>,
+}
+
+/// [`Observation`], borrowed.
+#[derive(Clone, Copy)]
+pub(crate) enum Pattern<'a, T, const M: usize, const N: usize> {
+    Direct { first: usize },
+    Dense(&'a SMatrix<T, M, N>),
+}
+
+/// Where the kernels write what [`Update`] says.
+pub(crate) struct Slots<'a, T, const M: usize, const N: usize> {
+    pub s: &'a mut [T; M],
+    pub nis: &'a mut T,
+    pub row_nis: &'a mut [T; M],
+    pub accepted: &'a mut [bool; M],
+    pub dx: &'a mut [T; N],
+    pub decrease: &'a mut [T; N],
+    pub p_before: &'a mut [T; N],
+    pub p_after: &'a mut [T; N],
+}
+
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Takes in M rows: K = P Hᵀ S⁻¹, δx = K ν, P ← P − K S Kᵀ, the rows one after the other in exact sequence, the
     /// triangle swept once.
@@ -87,50 +114,28 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         rows: &Rows<T, M, N>,
         mut accept: impl FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<Update<T, M, N>, Error> {
-        const { Self::SIZE };
-        const { assert!(M > 0, "an update has rows") };
-        // Any numbers: all of them are written before they are seen, and zeros would be a loop.
-        let blank = self
-            .hi
-            .first_chunk::<N>()
-            .copied()
-            .unwrap_or([T::zero(); N]);
+        let any = [T::one(); N]; // written before it is seen
         let mut out = Update {
             nu: rows.nu,
             s: rows.r,
             nis: T::zero(),
             row_nis: rows.r,
             accepted: [false; M],
-            dx: blank,
-            decrease: blank,
-            p_before: blank,
-            p_after: blank,
+            dx: any,
+            decrease: any,
+            p_before: any,
+            p_after: any,
         };
-        if !self.update_swiftly(rows, &mut out, &mut accept)? {
-            self.carefully(rows, &mut out, &mut accept)?;
-        }
-        Ok(out)
-    }
-
-    /// Room of the right size around the careful update.
-    #[cold]
-    #[inline(never)]
-    fn carefully<const M: usize>(
-        &mut self,
-        rows: &Rows<T, M, N>,
-        out: &mut Update<T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<(), Error> {
         let lines = Lines {
             nu: &rows.nu,
             r: &rows.r,
             gate: rows.gate,
             h: match &rows.h {
                 Observation::Direct { first } => Pattern::Direct { first: *first },
-                Observation::Dense(h) => Pattern::Dense(h.as_slice()),
+                Observation::Dense(h) => Pattern::Dense(h),
             },
         };
-        let mut outcome = Outcome {
+        let mut slots = Slots {
             s: &mut out.s,
             nis: &mut out.nis,
             row_nis: &mut out.row_nis,
@@ -139,6 +144,54 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             decrease: &mut out.decrease,
             p_before: &mut out.p_before,
             p_after: &mut out.p_after,
+        };
+        self.update_into(&lines, &mut slots, &mut accept)?;
+        Ok(out)
+    }
+
+    /// The update with its outcome written where the caller has room for it; after an error there may be anything.
+    #[inline(always)]
+    pub(crate) fn update_into<const M: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        const { Self::SIZE };
+        const { assert!(M > 0, "an update has rows") };
+        if self.update_swiftly(rows, out, accept)? {
+            return Ok(());
+        }
+        self.carefully(rows, out, accept)
+    }
+
+    /// Room of the right size around the careful update.
+    #[cold]
+    #[inline(never)]
+    fn carefully<const M: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let lines = careful::Lines {
+            nu: rows.nu,
+            r: rows.r,
+            gate: rows.gate,
+            h: match rows.h {
+                Pattern::Direct { first } => careful::Pattern::Direct { first },
+                Pattern::Dense(h) => careful::Pattern::Dense(h.as_slice()),
+            },
+        };
+        let mut outcome = Outcome {
+            s: out.s,
+            nis: out.nis,
+            row_nis: out.row_nis,
+            accepted: out.accepted,
+            dx: out.dx,
+            decrease: out.decrease,
+            p_before: out.p_before,
+            p_after: out.p_after,
         };
         let mut panel = Panel {
             c: &mut [[Pair::zero(); N]; M],

@@ -12,7 +12,7 @@ mod settings;
 pub use report::UpdateReport;
 pub use settings::{Prior, Settings, MAX_STEP};
 
-use crate::covariance::{Covariance15, Observation, Rows};
+use crate::covariance::{Covariance15, Lines, Pattern, Slots};
 use crate::error::Error;
 use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N};
 use crate::imu::ImuIncrement;
@@ -170,73 +170,88 @@ impl Filter {
         &mut self,
         measurement: &Linearized<M>,
     ) -> Result<UpdateReport<M>, Error> {
-        check(measurement)?;
-        let (rows, row_unit) = self.normalise(measurement);
-        if !rows.nu.iter().chain(&rows.r).all(|x| x.finite()) {
-            return Err(Error::OutOfRange);
-        }
-        self.synchronize();
-        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
-        let update = self.covariance.update_if(&rows, |dx: &[f32; N]| {
-            let dx = SVector::<f32, N>::from(*dx).component_mul(&SVector::from(*sigma0));
-            nav.correct(&dx)
-        })?;
-        let mut s = update.s;
-        for (s, &unit) in s.iter_mut().zip(&row_unit) {
-            *s *= unit * unit;
-        }
-        Ok(UpdateReport {
-            nu: measurement.nu.into(),
-            s,
-            row_nis: update.row_nis,
-            nis: update.nis,
-            accepted: update.accepted,
-            p_before: update.p_before,
-            p_after: update.p_after,
-            decrease: update.decrease,
-            correction: update.dx,
-            normalised: self.normalised,
-            interval: measurement.interval,
-        })
+        let mut report = UpdateReport::empty();
+        self.update_into(measurement, &mut report)?;
+        Ok(report)
     }
 
-    /// The rows in σ0 units, and the unit by which each row was divided.
-    fn normalise<const M: usize>(
-        &self,
+    /// As [`Filter::update`], with the report written where the caller has room for it: a copy and its stack less. After
+    /// an error the report may hold anything.
+    ///
+    /// Errors: those of [`Filter::update`].
+    pub fn update_into<const M: usize>(
+        &mut self,
         measurement: &Linearized<M>,
-    ) -> (Rows<f32, M, N>, [f32; M]) {
-        let mut unit = [1.0; M];
-        let h = match &measurement.h {
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        check(measurement)?;
+        match &measurement.h {
             Jacobian::Direct { first } => {
+                let mut unit = [1.0; M];
                 for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
                     *u = sigma;
                 }
-                Observation::Direct { first: *first }
+                let h = Pattern::Direct { first: *first };
+                self.take(measurement, &unit, h, report)
             }
             Jacobian::Dense(h) => {
                 let mut h = *h;
                 for (mut column, &sigma) in h.column_iter_mut().zip(&self.sigma0) {
                     column *= sigma;
                 }
-                Observation::Dense(h)
+                self.take(measurement, &[1.0; M], Pattern::Dense(&h), report)
             }
-        };
+        }
+    }
+
+    /// A checked measurement whose row m is divided by `unit[m]`, its rows being `h` in σ0 units.
+    #[inline(never)]
+    fn take<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+        unit: &[f32; M],
+        h: Pattern<'_, f32, M, N>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
         let (mut nu, mut r) = ([0.0; M], [0.0; M]);
-        for ((to, &x), &u) in nu.iter_mut().zip(measurement.nu.iter()).zip(&unit) {
-            *to = x / u;
+        let mut sum = 0.0;
+        let given = measurement.nu.iter().zip(measurement.r.iter());
+        let rows = nu.iter_mut().zip(r.iter_mut()).zip(report.nu.iter_mut());
+        for ((((nu, r), copy), (&z, &var)), &u) in rows.zip(given).zip(unit) {
+            (*copy, *nu, *r) = (z, z / u, var / (u * u));
+            sum += *nu * 0.0 + *r * 0.0; // NaN where one is not finite
         }
-        for ((to, &x), &u) in r.iter_mut().zip(measurement.r.iter()).zip(&unit) {
-            *to = x / (u * u);
+        if !sum.finite() {
+            return Err(Error::OutOfRange);
         }
-        (
-            Rows {
-                nu,
-                h,
-                r,
-                gate: self.settings.gate,
-            },
-            unit,
-        )
+        self.synchronize();
+        let lines = Lines {
+            nu: &nu,
+            r: &r,
+            gate: self.settings.gate,
+            h,
+        };
+        let mut slots = Slots {
+            s: &mut report.s,
+            nis: &mut report.nis,
+            row_nis: &mut report.row_nis,
+            accepted: &mut report.accepted,
+            dx: &mut report.correction,
+            decrease: &mut report.decrease,
+            p_before: &mut report.p_before,
+            p_after: &mut report.p_after,
+        };
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        self.covariance.update_into(&lines, &mut slots, &mut |dx| {
+            let dx = SVector::<f32, N>::from(*dx).component_mul(&SVector::from(*sigma0));
+            nav.correct(&dx)
+        })?;
+        for (s, &u) in report.s.iter_mut().zip(unit) {
+            *s *= u * u;
+        }
+        report.normalised = self.normalised;
+        report.interval = measurement.interval;
+        Ok(())
     }
 
     /// What the error model needs to know about the earth where the vehicle is.
@@ -296,11 +311,17 @@ fn check<const M: usize>(measurement: &Linearized<M>) -> Result<(), Error> {
     if !measurement.interval.finite() {
         return Err(Error::NonFinite);
     }
-    for &nu in measurement.nu.iter() {
-        within(nu, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+    let mut good = true;
+    for (&nu, &r) in measurement.nu.iter().zip(measurement.r.iter()) {
+        good &= nu.abs() <= MAX_MAGNITUDE && (f32::MIN_POSITIVE..=MAX_VARIANCE).contains(&r);
     }
-    for &r in measurement.r.iter() {
-        within(r, f32::MIN_POSITIVE, MAX_VARIANCE)?;
+    if !good {
+        for &nu in measurement.nu.iter() {
+            within(nu, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+        }
+        for &r in measurement.r.iter() {
+            within(r, f32::MIN_POSITIVE, MAX_VARIANCE)?;
+        }
     }
     match &measurement.h {
         Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),

@@ -35,6 +35,24 @@ pub struct UpdateReport<const M: usize> {
 }
 
 impl<const M: usize> UpdateReport<M> {
+    /// Room for a report ([`crate::filter::Filter::update_into`]); what it holds before means nothing.
+    #[inline(always)]
+    pub const fn empty() -> Self {
+        Self {
+            nu: [0.0; M],
+            s: [0.0; M],
+            row_nis: [0.0; M],
+            nis: 0.0,
+            accepted: [false; M],
+            p_before: [1.0; N],
+            p_after: [1.0; N],
+            decrease: [1.0; N],
+            correction: [1.0; N],
+            normalised: 0,
+            interval: 0.0,
+        }
+    }
+
     /// Number of rows that were used.
     pub fn rows_accepted(&self) -> usize {
         self.accepted.iter().filter(|&&used| used).count()

@@ -4,6 +4,29 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+/// Calls `$m!(0)` … `$m!(14)`: what is spelled out costs the same at opt-level "s" and 3.
+macro_rules! each_state {
+    ($m:ident) => {
+        $m!(0);
+        $m!(1);
+        $m!(2);
+        $m!(3);
+        $m!(4);
+        $m!(5);
+        $m!(6);
+        $m!(7);
+        $m!(8);
+        $m!(9);
+        $m!(10);
+        $m!(11);
+        $m!(12);
+        $m!(13);
+        $m!(14);
+    };
+}
+
+pub(crate) use each_state;
+
 mod blocks;
 mod pair;
 mod two;
@@ -26,6 +49,9 @@ pub trait Real: nalgebra::RealField + Copy {
     fn exponential_m1(self) -> Self;
     /// Neither NaN nor ±∞.
     fn finite(self) -> bool;
+    /// The word of the representation that holds the sign as its top bit: what many numbers have in common is then one
+    /// comparison.
+    fn sign_word(self) -> u32;
     /// Distance from 1 to the next larger number.
     const EPSILON: Self;
     /// 2^⌈p/2⌉ + 1 for a mantissa of p bits: what cuts a number into two halves whose products are exact.
@@ -59,6 +85,10 @@ impl Real for f32 {
     fn finite(self) -> bool {
         f32::is_finite(self)
     }
+    #[inline(always)]
+    fn sign_word(self) -> u32 {
+        self.to_bits()
+    }
     const EPSILON: Self = f32::EPSILON;
     const SPLITTER: Self = 4097.0;
     const CUT: Self = 2_097_152.0;
@@ -88,6 +118,10 @@ impl Real for f64 {
     #[inline(always)]
     fn finite(self) -> bool {
         f64::is_finite(self)
+    }
+    #[inline(always)]
+    fn sign_word(self) -> u32 {
+        (self.to_bits() >> 32) as u32
     }
     const EPSILON: Self = f64::EPSILON;
     const SPLITTER: Self = 134_217_729.0;

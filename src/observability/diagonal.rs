@@ -6,7 +6,7 @@ use super::riccati::{diagonal, diagonal_blocks, Information};
 use crate::covariance::{Covariance, Covariance15};
 use crate::error::Error;
 use crate::filter::UpdateReport;
-use crate::linalg::{BlockTransition, Real};
+use crate::linalg::{each_state, BlockTransition, Real};
 
 /// One index per state, available or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +64,52 @@ impl Xi<f32, 15> {
     ///
     /// # Errors
     /// [`Error::Variance`] as [`xi2`].
+    #[inline(always)] // so that the indices are written where the caller wants them
     pub fn of<const M: usize>(report: &UpdateReport<M>) -> Result<Self, Error> {
+        // spelled out: at opt-level "s" a loop over arrays costs five times as much
+        let (decrease, p) = (&report.decrease, &report.p_after);
+        let (mut signs, mut sum) = (0, 0.0);
+        macro_rules! look {
+            ($i:literal) => {
+                signs |= decrease[$i].sign_word() | p[$i].sign_word();
+                sum += decrease[$i];
+                sum += p[$i];
+            };
+        }
+        each_state!(look);
+        if signs >> 31 != 0 || !sum.finite() {
+            return Self::of_any(report);
+        }
+        let known = report.interval > 0.0 && report.interval.finite();
+        let per_second = if known { 1.0 / report.interval } else { 0.0 };
+        let mut xi = Self {
+            xi1: Index::new([1.0; 15], 0),
+            xi2: Index::new([1.0; 15], u32::from(report.normalised)),
+        };
+        if known {
+            xi.xi1.available = xi.xi2.available;
+        }
+        let mut inverse_sum = 0.0;
+        macro_rules! fill {
+            ($i:literal) => {
+                xi.xi1.value[$i] = decrease[$i] * per_second;
+                let inverse = 1.0 / p[$i];
+                inverse_sum += inverse;
+                xi.xi2.value[$i] = inverse;
+            };
+        }
+        each_state!(fill);
+        if inverse_sum.finite() {
+            Ok(xi)
+        } else {
+            Self::of_any(report) // a variance of zero, which may be legal
+        }
+    }
+
+    /// [`Xi::of`] where something is rare: a fault to be named, or a state without prior.
+    #[cold]
+    #[inline(never)]
+    fn of_any<const M: usize>(report: &UpdateReport<M>) -> Result<Self, Error> {
         let normalised = u32::from(report.normalised);
         Ok(Self {
             xi1: xi1(&report.decrease, report.interval, normalised)?,
