@@ -52,6 +52,10 @@ pub trait Real: nalgebra::RealField + Copy {
     /// The word of the representation that holds the sign as its top bit: what many numbers have in common is then one
     /// comparison.
     fn sign_word(self) -> u32;
+    /// ⌊log₂|x|⌋ of a normal number; 0 for anything else.
+    fn exponent(self) -> i16;
+    /// 2ⁿ, n taken to the nearest for which that is a normal number.
+    fn two_to(n: i16) -> Self;
     /// Distance from 1 to the next larger number.
     const EPSILON: Self;
     /// 2^⌈p/2⌉ + 1 for a mantissa of p bits: what cuts a number into two halves whose products are exact.
@@ -89,6 +93,17 @@ impl Real for f32 {
     fn sign_word(self) -> u32 {
         self.to_bits()
     }
+    #[inline(always)]
+    fn exponent(self) -> i16 {
+        match (self.to_bits() >> 23) & 0xff {
+            0 | 0xff => 0,
+            biased => biased as i16 - 127,
+        }
+    }
+    #[inline(always)]
+    fn two_to(n: i16) -> Self {
+        f32::from_bits(((n.clamp(-126, 127) + 127) as u32) << 23)
+    }
     const EPSILON: Self = f32::EPSILON;
     const SPLITTER: Self = 4097.0;
     const CUT: Self = 2_097_152.0;
@@ -123,6 +138,17 @@ impl Real for f64 {
     fn sign_word(self) -> u32 {
         (self.to_bits() >> 32) as u32
     }
+    #[inline(always)]
+    fn exponent(self) -> i16 {
+        match (self.to_bits() >> 52) & 0x7ff {
+            0 | 0x7ff => 0,
+            biased => biased as i16 - 1023,
+        }
+    }
+    #[inline(always)]
+    fn two_to(n: i16) -> Self {
+        f64::from_bits(((n.clamp(-1022, 1023) + 1023) as u64) << 52)
+    }
     const EPSILON: Self = f64::EPSILON;
     const SPLITTER: Self = 134_217_729.0;
     const CUT: Self = 1_125_899_906_842_624.0;
@@ -133,4 +159,23 @@ impl Real for f64 {
 pub fn skew<T: Real>(v: &Vector3<T>) -> Matrix3<T> {
     let o = T::zero();
     Matrix3::new(o, -v.z, v.y, v.z, o, -v.x, -v.y, v.x, o)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_of_two_are_exact_and_stay_normal() {
+        for n in -126..=127i16 {
+            assert_eq!(f32::two_to(n), libm::exp2f(f32::from(n)));
+            assert_eq!((1.75 * f32::two_to(n)).exponent(), n);
+            assert_eq!((-f64::two_to(8 * n)).exponent(), 8 * n);
+        }
+        assert_eq!(f32::two_to(-200), f32::MIN_POSITIVE);
+        assert_eq!(f64::two_to(2000), 2f64.powi(1023));
+        for none in [0.0, f32::NAN, f32::INFINITY, 1e-40] {
+            assert_eq!(none.exponent(), 0);
+        }
+    }
 }
