@@ -13,7 +13,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::comprehensive::{null_vector, Basis};
+use super::basis::Basis;
+use super::comprehensive::null_vector;
 use super::one_sided::{identity, rotate, Triangle};
 use super::pwcs::Staged;
 use crate::linalg::Real;

@@ -15,6 +15,7 @@
 
 use nalgebra::SMatrix;
 
+use super::basis::{dot, Basis};
 use super::one_sided;
 use super::pwcs::Staged;
 use crate::linalg::Real;
@@ -303,14 +304,6 @@ fn known<T: Real, const N: usize, const M: usize>(
     rows
 }
 
-fn dot<T: Real, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
-    let mut sum = T::zero();
-    for (x, y) in a.iter().zip(b) {
-        sum += *x * *y;
-    }
-    sum
-}
-
 /// The unobservable vector that belongs to a state which is no pivot, in canonical units; `None` for a pivot.
 pub(super) fn null_vector<T: Real, const N: usize, const M: usize>(
     staged: &Staged<T, N, M>,
@@ -329,53 +322,4 @@ pub(super) fn null_vector<T: Real, const N: usize, const M: usize>(
     }
     *null.get_mut(free)? = T::one();
     Some(null)
-}
-
-/// Orthonormal vectors that grow.
-pub(super) struct Basis<T, const N: usize> {
-    pub vectors: [[T; N]; N],
-    pub len: usize,
-}
-
-impl<T: Real, const N: usize> Basis<T, N> {
-    pub fn new() -> Self {
-        Self {
-            vectors: [[T::zero(); N]; N],
-            len: 0,
-        }
-    }
-
-    /// Takes away what lies in the span; twice, so that rounding of the first pass goes too.
-    pub fn project_out(&self, row: &mut [T; N]) {
-        for _ in 0..2 {
-            for v in self.vectors.iter().take(self.len) {
-                let along = dot(v, row);
-                for (x, y) in row.iter_mut().zip(v) {
-                    *x -= along * *y;
-                }
-            }
-        }
-    }
-
-    /// Adds what is new of a row; false where that is below `tolerance` of it.
-    pub fn add(&mut self, row: &[T; N], tolerance: T) -> bool {
-        let length = dot(row, row);
-        let mut new = *row;
-        self.project_out(&mut new);
-        let rest = dot(&new, &new);
-        if rest <= tolerance * tolerance * length {
-            return false;
-        }
-        let inverse = T::one() / rest.root();
-        match self.vectors.get_mut(self.len) {
-            Some(place) => {
-                for (x, y) in place.iter_mut().zip(&new) {
-                    *x = *y * inverse;
-                }
-                self.len += 1;
-                true
-            }
-            None => false,
-        }
-    }
 }

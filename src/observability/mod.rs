@@ -22,6 +22,7 @@
 //! the start shows little, and a state whose prior was wide shows much. Strict observability is another question.
 
 pub mod agreement;
+mod basis;
 pub mod ceiling;
 pub mod comprehensive;
 pub mod diagonal;
