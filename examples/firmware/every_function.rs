@@ -509,8 +509,12 @@ fn filters(nav: NavState) -> Result<(), Error> {
     keep(settings.check());
     keep(Filter::with_covariance(any(nav), &matrix(), settings));
     let mut filter = any(Filter::new(nav, &prior, settings)?);
+    let mut gramian = Gramian::<f32, 15>::new();
     filter.propagate(&sample())?;
+    filter.propagate_watched(&sample(), |t| gramian.propagate(&t.dense()))?;
     filter.synchronize();
+    filter.synchronize_watched(|t| gramian.propagate(&t.dense()));
+    keep(gramian);
     with_rows!(filter_rows, <>, &mut filter);
     keep((filter.environment(), filter.sigma(any(3)), filter.time()));
     keep((filter.nav(), filter.covariance(), filter.settings()));

@@ -1,23 +1,16 @@
 //! `lab track` from outside: its JSON, its outage, and one line for bad input.
 
-use std::process::{Command, Output};
+use std::process::Output;
+
+mod common;
+use common::{assert_refused, json_of, lab_on};
 
 fn lab(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lab"))
-        .arg("track")
-        .args(arguments)
-        .output()
-        .unwrap()
+    common::lab(["track"].iter().chain(arguments))
 }
 
 fn with_input(name: &str, text: &str, more: &[&str]) -> Output {
-    let path = std::env::temp_dir().join(format!("{}-{name}.json", std::process::id()));
-    std::fs::write(&path, text).unwrap();
-    let mut arguments = vec!["--input", path.to_str().unwrap()];
-    arguments.extend(more);
-    let output = lab(&arguments);
-    std::fs::remove_file(path).unwrap();
-    output
+    lab_on(&["track", "--input"], name, text, more)
 }
 
 const INPUT: &str = r#"{"tau": 100, "a_max": 2, "a_min": -2, "floor_frac": 0.1, "beyond": "abs", "model": "cs",
@@ -28,8 +21,7 @@ const INPUT: &str = r#"{"tau": 100, "a_max": 2, "a_min": -2, "floor_frac": 0.1, 
 #[test]
 fn json_and_nothing_else() {
     let output = with_input("good", INPUT, &["--json"]);
-    assert!(output.status.success() && output.stderr.is_empty());
-    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let json = json_of(&output);
     assert_eq!(json["x"].as_array().unwrap().len(), 3);
     let detail = json["detail"].as_array().unwrap();
     assert_eq!(detail.len(), 3);
@@ -53,17 +45,7 @@ fn bad_input_is_one_line_with_file_line_and_field() {
         ("variance", "[1e4, 0.01]", "[1e4, 0]", 2, "R"),
     ] {
         let output = with_input(name, &INPUT.replace(from, to), &["--json"]);
-        let message = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{name}");
-        assert!(
-            output.stdout.is_empty() && message.lines().count() == 1,
-            "{message}"
-        );
-        assert!(
-            message.contains(&format!("{name}.json:{line}: ")),
-            "{message}"
-        );
-        assert!(message.contains(field), "{message}");
+        assert_refused(&output, name, line, field);
     }
 }
 

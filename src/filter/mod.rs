@@ -121,12 +121,24 @@ impl Filter {
     /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`], [`Error::Time`], [`Error::Polar`] from the door of the
     /// mechanization; the filter is then unchanged.
     pub fn propagate(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
+        self.propagate_watched(imu, |_| {})
+    }
+
+    /// [`Filter::propagate`], and `watch` sees every transition by which the covariance moves: A = Φ − I and Q in σ0
+    /// units, for what accumulates beside the filter ([`crate::observability::ceiling::Gramian`]).
+    ///
+    /// Errors: as [`Filter::propagate`].
+    pub fn propagate_watched(
+        &mut self,
+        imu: &ImuIncrement,
+        watch: impl FnMut(&BlockTransition<f32>),
+    ) -> Result<(), Error> {
         let step = self.nav.advance_within(imu, &self.settings.limits)?;
         self.interval.add(&step.c_b_n, &step.delta_v_n, step.dt);
         self.time.add(step.dt);
         // Half a sample early rather than half a sample late, whatever the rounding of the sum.
         if self.interval.dt + 0.5 * step.dt >= self.settings.propagation_interval {
-            self.synchronize();
+            self.synchronize_watched(watch);
         }
         Ok(())
     }
@@ -135,6 +147,12 @@ impl Filter {
     ///
     /// Calls of [`Filter::update`] do this by themselves; a log that wants σ between updates calls it first.
     pub fn synchronize(&mut self) {
+        self.synchronize_watched(|_| {});
+    }
+
+    /// [`Filter::synchronize`], and `watch` sees the transitions. Called before [`Filter::update`], it leaves that nothing
+    /// to bring up to date.
+    pub fn synchronize_watched(&mut self, mut watch: impl FnMut(&BlockTransition<f32>)) {
         let total = self.interval.dt;
         if total <= 0.0 {
             return;
@@ -154,6 +172,7 @@ impl Filter {
         block_transition_into(&environment, &self.interval, &self.scaling, &mut transition);
         for _ in 0..parts {
             self.covariance.propagate_blocks(&transition);
+            watch(&transition);
         }
         self.interval = Interval::default();
     }

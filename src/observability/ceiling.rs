@@ -17,7 +17,9 @@ use super::basis::Basis;
 use super::comprehensive::null_vector;
 use super::one_sided::{identity, rotate, Triangle};
 use super::pwcs::Staged;
+use crate::filter::UpdateReport;
 use crate::linalg::Real;
+use crate::measurement::Linearized;
 
 /// s_j of every state: share that lies in the unobservable space, in σ0 units. 0: fully seen, ξ2 unbounded; 1: not seen
 /// at all, ξ2 stays 1.
@@ -97,8 +99,8 @@ pub fn order_cost<T: Real>(updates: T, order: u8) -> T {
 /// W = Σ Φ(t, 0)ᵀ Hᵀ R⁻¹ H Φ(t, 0),        held as a triangle with RᵀR = W, and Ψ = Φ(t, 0)
 /// ```
 ///
-/// It is fed with what the filter uses: A = Φ − I of each propagation and the rows of each accepted update, both in σ0
-/// units. It knows no process noise, so it says what the model could have learnt, for comparison with ξ2 and η2.
+/// It is fed with what the filter uses: A = Φ − I of each propagation ([`crate::filter::Filter::propagate_watched`] shows
+/// it) and the rows of each update, both in σ0 units. It knows no process noise, so it says what the model could have learnt, for comparison with ξ2 and η2.
 /// Ψ grows without bound where the model does; start anew after the horizon of interest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gramian<T: Real, const N: usize> {
@@ -110,6 +112,28 @@ pub struct Gramian<T: Real, const N: usize> {
 impl<T: Real, const N: usize> Default for Gramian<T, N> {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl Gramian<f32, 15> {
+    /// Takes in a measurement as the filter used it: its accepted rows.
+    ///
+    /// `sigma0`: the unit of each state, [`crate::filter::Filter::sigma0`].
+    pub fn observe_update<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+        report: &UpdateReport<M>,
+        sigma0: &[f32; 15],
+    ) {
+        let h = measurement.h.dense();
+        let used = report.accepted.iter().zip(measurement.r.iter());
+        for (row, (used, r)) in h.row_iter().zip(used) {
+            if *used {
+                let mut scaled = row.transpose().component_mul(&SVector::from(*sigma0));
+                scaled /= libm::sqrtf(*r);
+                self.observe(&scaled);
+            }
+        }
     }
 }
 
