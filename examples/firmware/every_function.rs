@@ -5,7 +5,10 @@ use core::hint::black_box as any;
 
 use nalgebra::{SMatrix, Vector3};
 
+use navsight::alignment::angle;
+use navsight::alignment::carry::BiasBlock;
 use navsight::alignment::coarse::CoarseAlignment;
+use navsight::alignment::north_bias::{self, NorthBias};
 use navsight::alignment::standing::{Plan, StandingAlignment};
 use navsight::attitude::{self, Enu, Euler, Frd, FrdToNed, Ned, Rfu, RfuToEnu};
 use navsight::covariance::{Covariance, Observation, Rows};
@@ -576,6 +579,14 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     let mut standing = StandingAlignment::new(position, plan, prior, settings)?;
     keep(standing.take(&sample()));
     keep(standing.filter().is_some());
+    let block = any(BiasBlock::of(&filter));
+    keep(block.loosened(number(), number()));
+    keep(block.start(any(*filter.nav()), &prior, settings));
+    let north = any(NorthBias::of(&filter));
+    keep(north.linearize(filter.nav()));
+    keep(north_bias::paper_eq5(number(), number(), number()));
+    keep(angle::heading_degree(number(), number(), number()));
+    keep(angle::condition(number()));
     keep(StandingAlignment::from_filter(filter, plan, prior));
 
     Ok(())

@@ -3,6 +3,8 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 #[cfg(not(target_os = "none"))]
+pub mod alignment;
+#[cfg(not(target_os = "none"))]
 pub mod analysis;
 #[cfg(not(target_os = "none"))]
 pub mod config;

@@ -4,6 +4,16 @@
 //! |---|---|
 //! | [`coarse`] | attitude from a window of samples that resists disturbance: level and gyrocompass |
 //! | [`standing`] | coarse window, then the filter with zero-velocity updates, through turns to further positions |
+//! | [`carry`] | the biases of one alignment, with their covariance, into the next: power-off between two positions |
+//! | [`north_bias`] | Peng's observation of the north gyro bias from one position in the next |
+//! | [`angle`] | by what angle to turn, and for which of these ways |
+//!
+//! Two positions, best first (heading after 10 + 15 min, `host-tests/tests/two_position.rs`): the filter carried through a
+//! turn of 180°, through one of 90°, the bias block carried into a new start, Peng's observation applied once. Peng's
+//! observation at every step ends as near but believes itself too much.
 
+pub mod angle;
+pub mod carry;
 pub mod coarse;
+pub mod north_bias;
 pub mod standing;

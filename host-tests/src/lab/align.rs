@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
@@ -24,7 +24,7 @@ use super::states::{xi, STATES};
 use super::LabError;
 use crate::config::{self, Config};
 use crate::report::write_file;
-use crate::sim::{Pose, Sensor, SensorErrors, Simulator, Static, Trajectory, Truth};
+use crate::sim::{error_state, Pose, Sensor, SensorErrors, Simulator, Static, Trajectory};
 
 mod pages;
 mod paper;
@@ -343,7 +343,7 @@ fn simulate(scenario: &Scenario, turn: bool, bar: &indicatif::ProgressBar) -> Re
                 let moment = Moment {
                     t: truth.time,
                     sigma: std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from)),
-                    error: error(filter, &position, &truth, &sensor.errors),
+                    error: error_state(filter, &truth, &sensor.errors),
                     xi1,
                     xi1_riccati,
                     xi2,
@@ -416,37 +416,6 @@ fn speed(
         *to = spectrum.value(k).map_or(f64::NAN, f64::from);
     }
     Ok((xi1, eta1))
-}
-
-/// Estimate minus truth in the filter's error states (biases: truth minus estimate), SI.
-fn error(filter: &Filter, position: &Geodetic, truth: &Truth, sensor: &SensorErrors) -> [f64; N] {
-    let nav = filter.nav();
-    let local = nav.local();
-    let r = nav
-        .displacement_to(position)
-        .map_or(Vector3::repeat(f64::NAN), |d| -d.map(f64::from));
-    let v = nav.v_n().map(f64::from) - truth.v_n;
-    // Ĉ = (I − [φ×]) C and ψ = φ − δθ
-    let estimate: Matrix3<f64> = navsight::attitude::c_b_n(nav.quaternion().map(f64::from));
-    let turn = truth.q.to_rotation_matrix().matrix() * estimate.transpose();
-    let phi = Vector3::new(
-        turn.m32 - turn.m23,
-        turn.m13 - turn.m31,
-        turn.m21 - turn.m12,
-    ) * 0.5;
-    let theta = Vector3::new(
-        -r.y * f64::from(local.inv_r_m),
-        r.x * f64::from(local.inv_r_n),
-        r.x * f64::from(local.inv_r_n * local.tan_lat),
-    );
-    let psi = phi - theta;
-    let g = sensor.gyro_bias - nav.b_g().map(f64::from);
-    let b = sensor.accel_bias - nav.b_a().map(f64::from);
-    let mut error = [0.0; N];
-    for (to, x) in error.iter_mut().zip([r, v, psi, g, b].iter().flatten()) {
-        *to = *x;
-    }
-    error
 }
 
 impl Case {

@@ -13,11 +13,15 @@
 //! }
 //! ```
 
+mod error;
+mod schedule;
 mod sensor;
 mod standing;
 mod trajectory;
 mod truth;
 
+pub use error::error_state;
+pub use schedule::{Position, Schedule};
 pub use sensor::{Sensor, SensorErrors};
 pub use standing::navigation_grade;
 pub use trajectory::{ClimbingTurns, Coning, Pose, Static, Swing, Trajectory, Turn};
