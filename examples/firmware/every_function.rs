@@ -10,6 +10,7 @@ use navsight::alignment::carry::BiasBlock;
 use navsight::alignment::coarse::CoarseAlignment;
 use navsight::alignment::north_bias::{self, NorthBias};
 use navsight::alignment::standing::{Plan, StandingAlignment};
+use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
 use navsight::attitude::{self, Enu, Euler, Frd, FrdToNed, Ned, Rfu, RfuToEnu};
 use navsight::covariance::{Covariance, Observation, Rows};
 use navsight::earth::{self, Geodetic, Local};
@@ -588,6 +589,14 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     keep(angle::heading_degree(number(), number(), number()));
     keep(angle::condition(number()));
     keep(StandingAlignment::from_filter(filter, plan, prior));
+
+    let sheet = StationarySettings::from_noise(number(), number(), number(), number());
+    keep(any(sheet).check());
+    let mut detector = StationaryDetector::new(any(sheet))?;
+    keep(detector.take(&sample())?);
+    keep(detector.bias());
+    detector.restart();
+    keep(detector);
 
     Ok(())
 }

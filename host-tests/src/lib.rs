@@ -23,4 +23,6 @@ pub mod report;
 #[cfg(not(target_os = "none"))]
 pub mod sim;
 #[cfg(not(target_os = "none"))]
+pub mod stationary;
+#[cfg(not(target_os = "none"))]
 pub mod tracking;

@@ -6,6 +6,7 @@
 //! | [`standing`] | coarse window, then the filter with zero-velocity updates, through turns to further positions |
 //! | [`carry`] | the biases of one alignment, with their covariance, into the next: power-off between two positions |
 //! | [`north_bias`] | Peng's observation of the north gyro bias from one position in the next |
+//! | [`stationary`] | at rest or not, and the zero-velocity and zero-rotation updates of a rest |
 //! | [`angle`] | by what angle to turn, and for which of these ways |
 //!
 //! Two positions, best first (heading after 10 + 15 min, `host-tests/tests/two_position.rs`): the filter carried through a
@@ -17,3 +18,4 @@ pub mod carry;
 pub mod coarse;
 pub mod north_bias;
 pub mod standing;
+pub mod stationary;

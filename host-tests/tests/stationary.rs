@@ -1,0 +1,274 @@
+//! At rest or not: both errors counted on the annotated recordings, with one rule for every sensor that follows from its
+//! noise; what the updates of a rest teach the filter.
+#![cfg(not(target_os = "none"))]
+
+use std::path::{Path, PathBuf};
+
+use host_tests::input::rest;
+use host_tests::sim::{Position, Schedule, Sensor, SensorErrors, Simulator, DEG};
+use host_tests::stationary::{count, each, mems};
+use nalgebra::Vector3;
+use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
+use navsight::attitude::Euler;
+use navsight::earth::Geodetic;
+use navsight::error::Error;
+use navsight::error_model::{BiasModel, NoiseDensity, BG};
+use navsight::filter::{Filter, Prior, Settings};
+use navsight::imu::{ImuIncrement, ImuLimits};
+use navsight::nav::NavState;
+
+fn recording(case: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data")
+        .join(case);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("skipped: no recording {case}");
+    None
+}
+
+/// Densities of both hand-held recordings: 0.1 °/s and 0.05 m/s² from sample to sample at 285.7 Hz.
+fn hand() -> StationarySettings {
+    mems(0.006, 300.0)
+}
+
+#[test]
+fn rests_of_the_annotated_recordings_are_found_and_nothing_else() {
+    // A rest is seen a window's length after it began.
+    assert!(hand().window <= 0.5);
+    for case in ["hand_slow_rotation", "hand_slow_translation"] {
+        let Some(folder) = recording(case) else {
+            return;
+        };
+        let flags = rest::read(&folder.join("rest.csv")).unwrap();
+        // The limit as it follows from the noise, and half and ten times as much: the answer does not hang on it.
+        for factor in [1.0, 0.5, 10.0] {
+            let settings = StationarySettings {
+                allowance: 2.0 * factor,
+                ..hand()
+            };
+            let c = count(&folder.join("imu.csv"), &flags, settings).unwrap();
+            println!(
+                "{case}, limit times {factor}: {:.2} % of {:.1} s rest found, {:.3} % of {:.1} s moving called rest",
+                100.0 * c.found(),
+                c.rest,
+                100.0 * c.wrong(),
+                c.moving
+            );
+            assert!(c.rest > 60.0 && c.moving > 120.0);
+            assert!(c.wrong() <= 0.005);
+            // The half second in which the first window fills counts as missed: 0.7 %.
+            assert!(c.found() >= if factor < 1.0 { 0.9 } else { 0.96 });
+        }
+    }
+}
+
+#[test]
+fn halts_of_a_walk() {
+    let Some(folder) = recording("walk_zupt") else {
+        return;
+    };
+    // 0.045 °/s and 0.0018 m/s² at 100 Hz, from the first seconds on the ground: a far better sensor, worn by a person
+    // who sways: 1 °/s and 0.05 m/s² in a tenth of a second.
+    let table = mems(0.0045, 18.0);
+    let person = StationarySettings {
+        residual_rate: 1f32.to_radians(),
+        residual_accel: 0.05,
+        residual_velocity: 0.05,
+        ..table
+    };
+    for (name, settings) in [("as on a table", table), ("as on a person", person)] {
+        let (mut halts, mut was, mut still, mut all, mut first) = (0, false, 0.0, 0.0, 0.0);
+        each(&folder.join("imu.csv"), settings, |_, dt, look, _| {
+            let now = look.is_some_and(|l| l.still);
+            halts += usize::from(now && !was);
+            was = now;
+            all += dt;
+            still += if now { dt } else { 0.0 };
+            if halts == 1 && now {
+                first += dt;
+            }
+        })
+        .unwrap();
+        println!("{name}: {halts} halts, {still:.1} s of {all:.1} s, the first {first:.1} s");
+        // No annotation; a crude detector finds 19 halts. The recording begins with 16 s of standing, and a walk of some
+        // ten stretches of two seconds is in it. On a person, halts are no longer cut by swaying.
+        assert!((15.0..=16.5).contains(&first));
+        assert!((10..=30).contains(&halts) && still < 0.85 * all);
+        assert!(settings == table || still > 0.6 * all);
+    }
+}
+
+const PLACE: [f64; 3] = [47.0, 8.0, 400.0];
+
+fn still(seconds: f64) -> Schedule {
+    Schedule {
+        at: Geodetic::from_degrees(PLACE[0], PLACE[1], PLACE[2]),
+        positions: vec![Position::degrees(70.0, 12.0, -20.0, seconds)],
+        turn: 1.0,
+    }
+}
+
+/// 0.006 °/s/√Hz and 300 µg/√Hz as above.
+fn noisy() -> SensorErrors {
+    SensorErrors {
+        arw: 0.006 * DEG,
+        vrw: 300.0 * 9.806_65e-6,
+        ..SensorErrors::NONE
+    }
+    .with_biases([1400.0, -1000.0, 700.0], [2000.0, -1000.0, 3000.0])
+}
+
+#[test]
+fn a_rest_teaches_the_gyro_bias() {
+    let rad = DEG as f32;
+    let mut sensor = Sensor::new(noisy(), 11);
+    let settings = hand();
+    let mut detector = StationaryDetector::new(settings).unwrap();
+    let at = Geodetic::from_degrees(PLACE[0], PLACE[1], PLACE[2]);
+    let nav = NavState::new(at, Vector3::zeros(), Euler::from_degrees(75.0, 12.0, -20.0)).unwrap();
+    let prior = Prior {
+        position: [1.0; 3],
+        velocity: [0.01; 3],
+        attitude: [0.5 * rad, 0.5 * rad, 5.0 * rad],
+        gyro_bias: [0.5 * rad; 3],
+        accel_bias: [0.03; 3],
+    };
+    let running = Settings {
+        limits: ImuLimits::DEFAULT,
+        noise: NoiseDensity::from_random_walks(settings.velocity_walk, settings.angle_walk),
+        bias: BiasModel::constant(),
+        propagation_interval: 0.1,
+        gate: None,
+    };
+    let mut filter = Filter::new(nav, &prior, running).unwrap();
+    let (mut updates, mut missed) = (0, 0);
+    let schedule = still(60.0);
+    for (_, ideal) in Simulator::new(&schedule, 0.0035).take((60.0 / 0.0035) as usize) {
+        let imu = sensor.sample(&ideal);
+        filter.propagate(&imu).unwrap();
+        let Some(look) = detector.take(&imu).unwrap() else {
+            continue;
+        };
+        missed += usize::from(!look.still);
+        if let Some((velocity, rotation)) = look.updates {
+            updates += 1;
+            filter.update(&velocity.linearize(filter.nav())).unwrap();
+            filter.update(&rotation.linearize(filter.nav())).unwrap();
+        }
+    }
+    // Windows of 145 samples, 0.5075 s; a limit of twice the 0.9999 quantile is never reached in 590 looks.
+    assert_eq!((updates, missed), (118, 0));
+    for axis in 0..3 {
+        let sigma = filter.sigma(BG + axis).unwrap();
+        let error = sensor.errors.gyro_bias[axis] as f32 - filter.nav().b_g()[axis];
+        println!("gyro {axis}: {:+.5}°/s ± {:.5}", error / rad, sigma / rad);
+        // 0.006 °/s/√Hz over a minute is 0.0008 °/s; the heading is not needed for that, only its earth rate.
+        assert!(sigma < 0.0015 * rad && error.abs() < 3.0 * sigma);
+    }
+    // The detector's own bias is the mean of what the gyros show, the earth rate included.
+    let (bias, sigma) = detector.bias();
+    let off = bias - sensor.errors.gyro_bias.cast::<f32>();
+    assert!(off.amax() < 3.0 * sigma + 7.3e-5);
+}
+
+#[test]
+fn a_slow_even_turn_is_rest_to_a_detector_that_knows_no_bias_and_motion_to_one_that_does() {
+    let mut sensor = Sensor::new(noisy(), 12);
+    let turning = Schedule {
+        positions: vec![
+            Position::degrees(70.0, 0.0, 0.0, 10.0),
+            Position::degrees(100.0, 0.0, 0.0, 10.0),
+        ],
+        turn: 30.0, // 1 °/s about the vertical
+        ..still(10.0)
+    };
+    let samples: Vec<_> = Simulator::new(&turning, 0.0035)
+        .take((50.0 / 0.0035) as usize)
+        .map(|(truth, ideal)| (truth.time, sensor.sample(&ideal)))
+        .collect();
+    let part = |from: f64| {
+        let mut detector = StationaryDetector::new(hand()).unwrap();
+        let (mut still, mut looks) = (0u32, 0u32);
+        for (t, imu) in samples.iter().filter(|(t, _)| *t > from) {
+            let look = detector.take(imu).unwrap();
+            if let Some(look) = look.filter(|_| (12.0..38.0).contains(t)) {
+                looks += 1;
+                still += u32::from(look.still);
+            }
+        }
+        f64::from(still) / f64::from(looks)
+    };
+    // from the beginning: ten seconds of rest taught it 0.02 °/s
+    assert_eq!(part(0.0), 0.0);
+    // from the middle of the turn: 1 °/s might as well be a bias of twice its σ
+    assert_eq!(part(11.0), 1.0);
+}
+
+#[test]
+fn what_cannot_be_is_refused_and_changes_nothing() {
+    let good = hand();
+    for (bad, error) in [
+        (
+            StationarySettings {
+                window: 0.05,
+                ..good
+            },
+            Error::OutOfRange,
+        ),
+        (
+            StationarySettings {
+                allowance: 0.5,
+                ..good
+            },
+            Error::OutOfRange,
+        ),
+        (
+            StationarySettings {
+                angle_walk: 0.0,
+                ..good
+            },
+            Error::OutOfRange,
+        ),
+        (
+            StationarySettings {
+                residual_rate: -1.0,
+                ..good
+            },
+            Error::OutOfRange,
+        ),
+        (
+            StationarySettings {
+                gravity: f32::NAN,
+                ..good
+            },
+            Error::NonFinite,
+        ),
+    ] {
+        assert_eq!(StationaryDetector::new(bad).err(), Some(error));
+    }
+    let mut detector = StationaryDetector::new(good).unwrap();
+    let up = Vector3::new(0.0, 0.0, 9.8);
+    let imu = ImuIncrement::from_rates(Vector3::zeros(), up, 0.01);
+    for _ in 0..73 {
+        detector.take(&imu).unwrap();
+    }
+    let before = detector.clone();
+    let broken = ImuIncrement {
+        dt: f32::INFINITY,
+        ..imu
+    };
+    assert_eq!(detector.take(&broken), Err(Error::NonFinite));
+    assert_eq!(detector, before);
+    // Free fall is even, but no rest.
+    detector.restart();
+    let falling = ImuIncrement::from_rates(Vector3::zeros(), 0.1 * up, 0.01);
+    let looks: Vec<_> = (0..100)
+        .filter_map(|_| detector.take(&falling).unwrap())
+        .collect();
+    assert_eq!(looks.len(), 6);
+    assert!(looks
+        .iter()
+        .all(|l| !l.still && l.scatter < 1e-3 && l.updates.is_none()));
+}
