@@ -11,6 +11,8 @@ pub enum Error {
     OutOfRange,
     /// Time went backwards, stood still, or jumped beyond the configured gap.
     Time,
+    /// A measurement is older than the history reaches.
+    Late,
     /// The innovation variance of this row was not positive: R or P is broken.
     InnovationVariance {
         /// Row of the measurement, from 0.

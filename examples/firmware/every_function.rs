@@ -8,6 +8,7 @@ use nalgebra::{SMatrix, Vector3};
 use navsight::alignment::angle;
 use navsight::alignment::carry::BiasBlock;
 use navsight::alignment::coarse::CoarseAlignment;
+use navsight::alignment::in_motion::InMotion;
 use navsight::alignment::north_bias::{self, NorthBias};
 use navsight::alignment::standing::{Plan, StandingAlignment};
 use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
@@ -18,7 +19,7 @@ use navsight::error::Error;
 use navsight::error_model::{
     self, discrete, phi, psi, BiasModel, Environment, Interval, NoiseDensity, Scaling,
 };
-use navsight::filter::{Filter, Prior, Settings, UpdateReport};
+use navsight::filter::{Filter, Gate, LateFilter, Prior, Settings, Source, States, UpdateReport};
 use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
 use navsight::measurement::{
@@ -228,6 +229,7 @@ fn covariance<T: Real, const N: usize, const L: usize>() {
     p.propagate_full(&matrix(), &matrix());
     keep((p.variance(any(1)), p.element(any(1), any(2))));
     keep((p.diagonal(), p.broken(), p.words()));
+    keep(p.isolate(any(1), number()));
     keep(p.to_matrix());
     with_rows!(rows, <T, N, L>, &mut p);
     keep(p);
@@ -523,7 +525,53 @@ fn filters(nav: NavState) -> Result<(), Error> {
     keep((filter.environment(), filter.sigma(any(3)), filter.time()));
     keep((filter.nav(), filter.covariance(), filter.settings()));
     keep((filter.scaling(), filter.sigma0()));
+    filter.open(any(States::POSITION), number())?;
+    late(&filter);
+    keep(in_motion());
     alignments(filter, prior, settings)
+}
+
+/// The filter with a memory.
+fn late(filter: &Filter) {
+    let x: f32 = number();
+    let gate = any(Gate {
+        limit: Some(x),
+        lock_out: Some((x, States::VELOCITY)),
+    });
+    let (Ok(mut filter), Ok(mut source)) =
+        (LateFilter::<16>::new(filter.clone(), x), Source::new(gate))
+    else {
+        return;
+    };
+    keep(filter.propagate(&sample()));
+    filter.synchronize();
+    keep((filter.filter().time(), filter.state_at(any(0.5))));
+    keep((source.gate(), source.used(), source.refused()));
+    keep((source.refused_in_a_row(), source.resets()));
+    keep(any(States::HEIGHT).has(any(1)));
+    with_rows!(late_rows, <>, &mut filter, &mut source);
+}
+
+fn late_rows<const M: usize>(filter: &mut LateFilter<16>, source: &mut Source) {
+    let linearized = any(Linearized::<M> {
+        nu: matrix(),
+        h: Jacobian::Dense(matrix()),
+        r: matrix(),
+        interval: number(),
+    });
+    keep(filter.update(source, any(0.5), |nav| {
+        keep(nav.v_n());
+        linearized
+    }));
+}
+
+fn in_motion() -> Result<(), Error> {
+    let mut finder = InMotion::<16>::new(number(), number(), any(ImuLimits::DEFAULT))?;
+    finder.take(&sample())?;
+    finder.velocity(any(0.5), matrix::<f32, 3, 1>())?;
+    keep((finder.time(), finder.pairs()));
+    keep(finder.solve(number())?.euler());
+    Ok(())
 }
 
 fn filter_rows<const M: usize>(filter: &mut Filter) {

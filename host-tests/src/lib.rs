@@ -11,6 +11,8 @@ pub mod config;
 #[cfg(not(target_os = "none"))]
 pub mod covariance_analysis;
 #[cfg(not(target_os = "none"))]
+pub mod flight;
+#[cfg(not(target_os = "none"))]
 pub mod input;
 #[cfg(not(target_os = "none"))]
 pub mod lab;

@@ -3,6 +3,7 @@
 //! | file | does |
 //! |---|---|
 //! | [`coarse`] | attitude from a window of samples that resists disturbance: level and gyrocompass |
+//! | [`in_motion`] | attitude of a moving vehicle from satellite velocities, heading unknown at the start |
 //! | [`standing`] | coarse window, then the filter with zero-velocity updates, through turns to further positions |
 //! | [`carry`] | the biases of one alignment, with their covariance, into the next: power-off between two positions |
 //! | [`north_bias`] | Peng's observation of the north gyro bias from one position in the next |
@@ -16,6 +17,7 @@
 pub mod angle;
 pub mod carry;
 pub mod coarse;
+pub mod in_motion;
 pub mod north_bias;
 pub mod standing;
 pub mod stationary;

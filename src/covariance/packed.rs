@@ -115,6 +115,27 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         T::of(f64::NAN)
     }
 
+    /// Makes state `i` independent of all others, with this variance. A state that does not exist is left out.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::Variance`] for a negative one. The covariance is then bit-identical.
+    pub fn isolate(&mut self, i: usize, variance: T) -> Result<(), Error> {
+        if !variance.finite() {
+            return Err(Error::NonFinite);
+        }
+        if variance < T::zero() {
+            return Err(Error::Variance { state: i as u8 });
+        }
+        for j in 0..N {
+            let k = if i < N { at(i, j) } else { L };
+            let value = if i == j { variance } else { T::zero() };
+            if let (Some(hi), Some(lo)) = (self.hi.get_mut(k), self.lo.get_mut(k)) {
+                (*hi, *lo) = (value, T::zero());
+            }
+        }
+        Ok(())
+    }
+
     /// All variances.
     #[must_use]
     pub fn diagonal(&self) -> [T; N] {

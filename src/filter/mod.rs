@@ -4,13 +4,27 @@
 //! interval has passed, with ∫C dt and ∫f dt collected in between. Errors are fed back into the nominal state at every
 //! update, so the error state itself is zero between calls and is not stored.
 //!
+//! | file | holds |
+//! |---|---|
+//! | `settings` | what the user tells once: noise, limits, how much is known at the start |
+//! | `report` | what an update shows from outside |
+//! | `source` | gate, counters and lock-out of one source of measurements |
+//! | [`late`] | the filter with a memory, for measurements that arrive late |
+//! | `history`, `past` | that memory, and the way of an error back through it |
+//!
 //! Every call returns a typed outcome. A refused sample or measurement leaves the filter bit for bit as it was.
 
+mod history;
+pub mod late;
+mod past;
 mod report;
 mod settings;
+mod source;
 
+pub use late::LateFilter;
 pub use report::UpdateReport;
 pub use settings::{Prior, Settings, MAX_STEP};
+pub use source::{Aided, Gate, Handling, Source, States};
 
 use crate::covariance::{Covariance15, Lines, Pattern, Slots};
 use crate::error::Error;
@@ -18,6 +32,7 @@ use crate::error_model::{block_transition_into, Environment, Interval, Scaling, 
 use crate::imu::ImuIncrement;
 use crate::linalg::{BlockTransition, Real, Two};
 use crate::measurement::{Jacobian, Linearized};
+use crate::mechanization::Step;
 use crate::nav::NavState;
 use nalgebra::{SMatrix, SVector};
 
@@ -133,6 +148,16 @@ impl Filter {
         imu: &ImuIncrement,
         watch: impl FnMut(&BlockTransition<f32>),
     ) -> Result<(), Error> {
+        self.advance(imu, watch).map(|_| ())
+    }
+
+    /// As [`Filter::propagate_watched`], and what the sample did.
+    #[inline(always)]
+    fn advance(
+        &mut self,
+        imu: &ImuIncrement,
+        watch: impl FnMut(&BlockTransition<f32>),
+    ) -> Result<Step, Error> {
         let step = self.nav.advance_within(imu, &self.settings.limits)?;
         self.interval.add(&step.c_b_n, &step.delta_v_n, step.dt);
         self.time.add(step.dt);
@@ -140,7 +165,7 @@ impl Filter {
         if self.interval.dt + 0.5 * step.dt >= self.settings.propagation_interval {
             self.synchronize_watched(watch);
         }
-        Ok(())
+        Ok(step)
     }
 
     /// Brings the covariance to the time of the last sample.
@@ -203,6 +228,17 @@ impl Filter {
         measurement: &Linearized<M>,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
+        self.update_gated(measurement, self.settings.gate, report)
+    }
+
+    /// As [`Filter::update_into`] with this gate.
+    #[inline(always)]
+    fn update_gated<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+        gate: Option<f32>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
         check(measurement)?;
         match &measurement.h {
             Jacobian::Direct { first } => {
@@ -211,14 +247,14 @@ impl Filter {
                     *u = sigma;
                 }
                 let h = Pattern::Direct { first: *first };
-                self.take(measurement, &unit, h, report)
+                self.take(measurement, &unit, h, gate, report)
             }
             Jacobian::Dense(h) => {
                 let mut h = *h;
                 for (mut column, &sigma) in h.column_iter_mut().zip(&self.sigma0) {
                     column *= sigma;
                 }
-                self.take(measurement, &[1.0; M], Pattern::Dense(&h), report)
+                self.take(measurement, &[1.0; M], Pattern::Dense(&h), gate, report)
             }
         }
     }
@@ -230,6 +266,7 @@ impl Filter {
         measurement: &Linearized<M>,
         unit: &[f32; M],
         h: Pattern<'_, f32, M, N>,
+        gate: Option<f32>,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         let (mut nu, mut r) = ([0.0; M], [0.0; M]);
@@ -247,7 +284,7 @@ impl Filter {
         let lines = Lines {
             nu: &nu,
             r: &r,
-            gate: self.settings.gate,
+            gate,
             h,
         };
         let mut slots = Slots {
@@ -270,6 +307,31 @@ impl Filter {
         }
         report.normalised = self.normalised;
         report.interval = measurement.interval;
+        Ok(())
+    }
+
+    /// Forgets what is known of some states: each becomes independent of all others, with a standard deviation of
+    /// `sigma` (in the unit of the state) or its present one, whichever is larger.
+    ///
+    /// What a source of measurements does after its lock-out; also for a caller who knows that a state has jumped.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`], [`Error::OutOfRange`] for a σ that cannot be; nothing has changed then.
+    pub fn open(&mut self, states: States, sigma: f32) -> Result<(), Error> {
+        if !sigma.finite() {
+            return Err(Error::NonFinite);
+        }
+        if !(0.0..=MAX_MAGNITUDE).contains(&sigma) {
+            return Err(Error::OutOfRange);
+        }
+        self.synchronize();
+        for (i, &unit) in self.sigma0.iter().enumerate() {
+            if states.has(i) {
+                let wanted = sigma / unit;
+                let variance = (wanted * wanted).max(self.covariance.variance(i));
+                self.covariance.isolate(i, variance)?;
+            }
+        }
         Ok(())
     }
 

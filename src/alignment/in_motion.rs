@@ -1,0 +1,355 @@
+//! Attitude of a moving vehicle from nothing: inertial samples against the velocities of a satellite receiver.
+//!
+//! A 15-state filter is linear in the attitude error, and with an unknown heading it settles on a wrong one more often
+//! than not. So the attitude is found first, without linearisation. The gyros carry the body frame of the first sample
+//! (b₀) along, and between two velocities
+//!
+//! ```text
+//! β = v₂ − v₁ + g (t₂ − t₁) up = C_b₀^n α,      α = ∫ C_b^b₀ f_b dt
+//! ```
+//! Gravity gives the level; every horizontal change of velocity gives a piece of heading, in whatever direction. The
+//! rotation that fits all pairs best (Wahba) is found from their sums: the way between the two mean vectors first, then
+//! the best turn about it, then Gauss-Newton. A vehicle that never changes its velocity has no heading, and the result
+//! says so: its σ stays large.
+//!
+//! Source: the velocity pairs of in-motion alignment (Wu & Pan 2013, IEEE TAES 49(2)); solution from the sums and its
+//! covariance derived here. Left out: the turn of the level frame with the earth and the vehicle, 15°/h; so windows of up
+//! to two minutes.
+
+use heapless::Vec;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::attitude::{c_b_n_scaled, product, rotation_minus_one, Enu, Euler};
+use crate::error::Error;
+use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
+use crate::linalg::{skew, Two};
+
+/// Fewest pairs that an attitude is made from.
+pub const MIN_PAIRS: u16 = 5;
+
+/// ∫ C f dt at one time.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    time: f64,
+    v_b0: Vector3<f32>,
+}
+
+/// What the pairs said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InMotionSolution {
+    /// Attitude at the last sample.
+    pub c_b_n: Matrix3<f32>,
+    /// Standard deviation about east, north, up from the scatter of the pairs [rad]; without the sensor biases.
+    pub sigma: Vector3<f32>,
+    /// What the velocity has changed from the last velocity handed in to the last sample, by the samples,
+    /// east-north-up [m/s].
+    pub delta_v_n: Vector3<f32>,
+    /// How long that was [s].
+    pub age: f32,
+}
+
+impl InMotionSolution {
+    /// Heading, pitch and roll at the last sample.
+    pub fn euler(&self) -> Euler {
+        Euler::from_c_b_n(&self.c_b_n)
+    }
+}
+
+/// Gathers samples and velocities. K samples are remembered for velocities that arrive late.
+#[derive(Clone, Debug)]
+pub struct InMotion<const K: usize> {
+    limits: ImuLimits,
+    gravity: f32,
+    /// Shortest time between two velocities that make a pair [s].
+    spacing: f32,
+    corrections: ConingSculling,
+    q: [Two; 4],
+    v_b0: [Two; 3],
+    time: Two,
+    points: Vec<Point, K>,
+    newest: usize,
+    last: Option<(Point, Vector3<f32>)>,
+    pairs: u16,
+    sum_a: Vector3<f32>,
+    sum_b: Vector3<f32>,
+    /// Σ α αᵀ
+    aa: Matrix3<f32>,
+    /// Σ β αᵀ
+    ba: Matrix3<f32>,
+    /// Σ |β|²
+    bb: f32,
+}
+
+impl<const K: usize> InMotion<K> {
+    /// Begins with the next sample. `gravity` [m/s²] of the place; velocities closer than `spacing` [s] are left out, so
+    /// that their noise does not swamp the change: about a second.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::OutOfRange`] for a gravity outside 9 … 10 m/s² or a spacing outside 0.1 … 10 s.
+    pub fn new(gravity: f32, spacing: f32, limits: ImuLimits) -> Result<Self, Error> {
+        if !(gravity.is_finite() && spacing.is_finite()) {
+            return Err(Error::NonFinite);
+        }
+        if !((9.0..=10.0).contains(&gravity) && (0.1..=10.0).contains(&spacing)) {
+            return Err(Error::OutOfRange);
+        }
+        let zero = Two::of(0.0);
+        Ok(Self {
+            limits,
+            gravity,
+            spacing,
+            corrections: ConingSculling::NEW,
+            q: [Two::of(1.0), zero, zero, zero],
+            v_b0: [zero; 3],
+            time: zero,
+            points: Vec::new(),
+            newest: 0,
+            last: None,
+            pairs: 0,
+            sum_a: Vector3::zeros(),
+            sum_b: Vector3::zeros(),
+            aa: Matrix3::zeros(),
+            ba: Matrix3::zeros(),
+            bb: 0.0,
+        })
+    }
+
+    /// Seconds of samples taken so far.
+    pub fn time(&self) -> f64 {
+        self.time.wide()
+    }
+
+    /// Pairs of velocities so far.
+    pub fn pairs(&self) -> u16 {
+        self.pairs
+    }
+
+    /// Takes one sample.
+    ///
+    /// # Errors
+    /// Those of [`ImuIncrement::check`]; nothing has changed then.
+    pub fn take(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
+        imu.check(&self.limits)?;
+        let motion = self.corrections.correct(imu);
+        self.corrections.remember(imu);
+        let [qw, qx, qy, qz] = &mut self.q;
+        let q = [qw.hi, qx.hi, qy.hi, qz.hi];
+        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&motion.phi_b()));
+        let half = [
+            q[0] + 0.5 * dw,
+            q[1] + 0.5 * dx,
+            q[2] + 0.5 * dy,
+            q[3] + 0.5 * dz,
+        ];
+        qw.add(dw);
+        qx.add(dx);
+        qy.add(dy);
+        qz.add(dz);
+        let delta_v = rotation(half) * motion.delta_v_mid;
+        let [vx, vy, vz] = &mut self.v_b0;
+        vx.add(delta_v.x);
+        vy.add(delta_v.y);
+        vz.add(delta_v.z);
+        self.time.add(imu.dt);
+        let point = self.now();
+        let next = if self.newest + 1 < K {
+            self.newest + 1
+        } else {
+            0
+        };
+        match self.points.push(point) {
+            Ok(()) => self.newest = self.points.len() - 1,
+            Err(point) => {
+                if let Some(oldest) = self.points.get_mut(next) {
+                    *oldest = point;
+                    self.newest = next;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn now(&self) -> Point {
+        let [x, y, z] = &self.v_b0;
+        Point {
+            time: self.time.wide(),
+            v_b0: Vector3::new(x.hi, y.hi, z.hi),
+        }
+    }
+
+    /// Takes a velocity over the ground [m/s] (bare vectors are east-north-up) of the time `time` [s of
+    /// [`InMotion::time`]]. Whether it made a pair.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`]; [`Error::Late`] for a time that is no longer remembered, [`Error::Time`] for one to come.
+    pub fn velocity(&mut self, time: f64, v_n: impl Into<Enu>) -> Result<bool, Error> {
+        let v_n = v_n.into().0;
+        if !(time.is_finite() && v_n.iter().all(|x| x.is_finite())) {
+            return Err(Error::NonFinite);
+        }
+        let point = self.at(time)?;
+        let Some((before, v_before)) = self.last else {
+            self.last = Some((point, v_n));
+            return Ok(false);
+        };
+        let dt = (point.time - before.time) as f32;
+        if dt < self.spacing {
+            return Ok(false);
+        }
+        let a = point.v_b0 - before.v_b0;
+        let b = v_n - v_before + Vector3::new(0.0, 0.0, self.gravity * dt);
+        self.sum_a += a;
+        self.sum_b += b;
+        self.aa += a * a.transpose();
+        self.ba += b * a.transpose();
+        self.bb += b.norm_squared();
+        self.pairs = self.pairs.saturating_add(1);
+        self.last = Some((point, v_n));
+        Ok(true)
+    }
+
+    /// The sum of α at a time.
+    fn at(&self, time: f64) -> Result<Point, Error> {
+        let mut after = self.now();
+        if time >= after.time {
+            // as much ahead as a sample is long: the clocks of two sensors
+            return if time - after.time <= f64::from(self.limits.dt_max) * 0.1 {
+                Ok(after)
+            } else {
+                Err(Error::Time)
+            };
+        }
+        let len = self.points.len();
+        for age in 0..len {
+            let index = if age <= self.newest {
+                self.newest - age
+            } else {
+                self.newest + len - age
+            };
+            let Some(point) = self.points.get(index) else {
+                break;
+            };
+            if point.time <= time {
+                let whole = (after.time - point.time) as f32;
+                let share = if whole > 0.0 {
+                    (time - point.time) as f32 / whole
+                } else {
+                    0.0
+                };
+                return Ok(Point {
+                    time,
+                    v_b0: point.v_b0 + (after.v_b0 - point.v_b0) * share,
+                });
+            }
+            after = *point;
+        }
+        Err(Error::Late)
+    }
+
+    /// The attitude that fits best. `sigma_v`: 1σ of the velocities per axis [m/s]; the scatter of the pairs is taken
+    /// instead where it is larger.
+    ///
+    /// # Errors
+    /// [`Error::Time`] for fewer than [`MIN_PAIRS`] pairs; [`Error::OutOfRange`] when nothing tells the heading: no
+    /// horizontal change of velocity at all, or a fit that does not converge.
+    pub fn solve(&self, sigma_v: f32) -> Result<InMotionSolution, Error> {
+        if self.pairs < MIN_PAIRS {
+            return Err(Error::Time);
+        }
+        let Some((point, _)) = self.last else {
+            return Err(Error::Time);
+        };
+        // The mean vectors onto each other,
+        let (a, b) = (unit(&self.sum_a)?, unit(&self.sum_b)?);
+        let mut c = shortest(&a, &b);
+        // the best turn about them: Σ β·(R α) = const + cos·Σ(β·α' − …) + sin·Σ b·(α' × β),
+        let m = self.ba * c.transpose(); // Σ β α'ᵀ
+        let sin = b.dot(&vee(&m));
+        let cos = m.trace() - b.dot(&(m * b));
+        let length = libm::sqrtf(sin * sin + cos * cos);
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(Error::OutOfRange);
+        }
+        c = turn(&(b * libm::atan2f(sin, cos))) * c;
+        // and what is left of both.
+        let mut inverse = Matrix3::zeros();
+        let mut step = Vector3::zeros();
+        for _ in 0..6 {
+            let a_n = c * self.aa * c.transpose();
+            let normal = Matrix3::from_diagonal_element(a_n.trace()) - a_n;
+            inverse = normal.try_inverse().ok_or(Error::OutOfRange)?;
+            step = inverse * vee(&(self.ba * c.transpose()));
+            c = turn(&step) * c;
+        }
+        let rest = step.norm_squared();
+        if rest.is_nan() || rest > 1e-6 {
+            return Err(Error::OutOfRange);
+        }
+        let n = f32::from(self.pairs);
+        let loss = self.bb + self.aa.trace() - 2.0 * (self.ba * c.transpose()).trace();
+        let scatter = loss / (3.0 * n - 3.0);
+        let var = scatter.max(2.0 * sigma_v * sigma_v);
+        let sigma = inverse
+            .diagonal()
+            .map(|x| libm::sqrtf(var * x).min(super::coarse::UNKNOWN_HEADING));
+        let now = self.now();
+        let age = (now.time - point.time).max(0.0) as f32;
+        let [w, x, y, z] = self.q;
+        Ok(InMotionSolution {
+            c_b_n: c * rotation([w.hi, x.hi, y.hi, z.hi]),
+            sigma,
+            delta_v_n: c * (now.v_b0 - point.v_b0) - Vector3::new(0.0, 0.0, self.gravity * age),
+            age,
+        })
+    }
+}
+
+/// Σ α' × β of Σ β α'ᵀ.
+fn vee(m: &Matrix3<f32>) -> Vector3<f32> {
+    Vector3::new(m.m32 - m.m23, m.m13 - m.m31, m.m21 - m.m12)
+}
+
+fn unit(v: &Vector3<f32>) -> Result<Vector3<f32>, Error> {
+    let norm = v.norm();
+    if norm > 1e-3 {
+        Ok(v / norm)
+    } else {
+        Err(Error::OutOfRange)
+    }
+}
+
+/// The shortest rotation of unit vector a onto unit vector b; any half turn when they are opposite.
+fn shortest(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
+    let d = a.dot(b);
+    if d > -0.999 {
+        let k = skew(&a.cross(b));
+        return Matrix3::identity() + k + k * k * (1.0 / (1.0 + d));
+    }
+    // By way of a third vector, at right angles to b.
+    let side = if b.x.abs() < 0.7 {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
+    let over = b.cross(&side);
+    let over = over * (1.0 / over.norm());
+    shortest_narrow(&over, b) * shortest_narrow(a, &over)
+}
+
+/// As [`shortest`] for vectors that are not opposite.
+fn shortest_narrow(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
+    let k = skew(&a.cross(b));
+    Matrix3::identity() + k + k * k * (1.0 / (1.0 + a.dot(b)))
+}
+
+/// exp([φ×])
+fn turn(phi: &Vector3<f32>) -> Matrix3<f32> {
+    let [w, x, y, z] = rotation_minus_one(phi);
+    rotation([1.0 + w, x, y, z])
+}
+
+/// Rotation matrix of a quaternion of nearly unit length.
+fn rotation(q: [f32; 4]) -> Matrix3<f32> {
+    let norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    c_b_n_scaled(q, 2.0 / norm2)
+}
