@@ -8,13 +8,14 @@ use std::fs;
 use std::path::Path;
 use std::process::{ExitCode, Stdio};
 
-use anyhow::{Context, Result};
+use anyhow::{bail, Context, Result};
 
 use crate::bench::{grouped, is_recorded, record, Firmware, FIRMWARES};
 use crate::packages::{self, NM};
 use crate::qemu::Build;
+use crate::report::Report;
 use crate::shell;
-use crate::toolchain::{self, target_dir};
+use crate::toolchain::{self, target_dir, Toolchain};
 
 /// The program whose flash is looked at: a whole navigator that aligns itself and prints its ξ and η.
 const PROGRAM: &str = "two_position";
@@ -67,6 +68,40 @@ pub fn run() -> Result<ExitCode> {
         record("size", &text)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Ways of looking that a navigator may do without, and a program that uses them.
+const OPTIONAL: [&str; 6] = [
+    "src/observability/structural/",
+    "src/observability/pwcs/",
+    "src/observability/comprehensive.rs",
+    "src/observability/eigen_degree/",
+    "src/observability/ceiling.rs",
+    "src/observability/agreement.rs",
+];
+const USER: &str = "why_no_heading";
+
+/// A firmware that uses none of the optional ways of looking holds no byte of them; one that does shows that such bytes
+/// would be found.
+pub fn unused_is_absent(report: &mut Report, toolchain: &Toolchain) {
+    let optional = |program: &'static str| -> Result<u64> {
+        let groups = attribute(&Build::plain(program).elf(toolchain)?)?;
+        let own = groups
+            .iter()
+            .filter(|(name, _)| OPTIONAL.iter().any(|room| name.starts_with(room)));
+        Ok(own.map(|(_, bytes)| bytes).sum())
+    };
+    report.check("flash: what is not used is not there", || {
+        packages::ready(&[NM])?;
+        let (without, with) = (optional(PROGRAM)?, optional(USER)?);
+        if without > 0 {
+            bail!("{PROGRAM} holds {without} bytes of ways of looking that it does not use");
+        }
+        if with < 1000 {
+            bail!("{USER} uses them, and only {with} bytes were found");
+        }
+        Ok(())
+    });
 }
 
 /// Bytes of code per source group.

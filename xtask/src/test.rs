@@ -6,7 +6,7 @@ use std::process::{ExitCode, Stdio};
 use anyhow::{bail, Context, Result};
 
 use crate::report::Report;
-use crate::{bench, builds, packages, pairs, panics, shell, toolchain};
+use crate::{bench, builds, packages, pairs, panics, shell, size, toolchain};
 
 /// Runs tier 1, or tier 2 with the long runs as well.
 pub fn run(full: bool) -> Result<ExitCode> {
@@ -23,6 +23,7 @@ pub fn run(full: bool) -> Result<ExitCode> {
         builds::bare(&mut report, &toolchain)?;
         panics::prove(&mut report, &toolchain)?;
         pairs::compare(&mut report, &toolchain)?;
+        size::unused_is_absent(&mut report, &toolchain);
         bench::check(&mut report, &toolchain);
     }
     Ok(report.finish())
