@@ -17,7 +17,9 @@ use navsight::error_model::{
 use navsight::filter::{Filter, Prior, Settings, UpdateReport};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::linalg::Real;
-use navsight::measurement::{Height, Linearized, ZeroVelocity};
+use navsight::measurement::{
+    Antenna, Height, Linearized, Position, PositionVelocity, Velocity, ZeroVelocity,
+};
 use navsight::nav::NavState;
 use navsight::observability::diagonal::{xi1_riccati_blocks, Xi};
 use navsight::observability::riccati::{DecreaseRate15, Information};
@@ -167,6 +169,27 @@ fn navigator(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt
         "f32",
         (filter.clone(), height),
         |(filter, height)| filter.update(&height.linearize(filter.nav())),
+    )?;
+    let fix = fix(filter.nav()).map_err(refused)?;
+    let measurement = fix.linearize(filter.nav());
+    table.row(
+        "six-row fix on a lever arm with ξ1 and ξ2",
+        "f32",
+        (
+            settled(filter, &measurement)?,
+            measurement,
+            UpdateReport::empty(),
+        ),
+        |(filter, measurement, report)| {
+            filter.update_into(measurement, report)?;
+            Xi::of(report)
+        },
+    )?;
+    table.row(
+        "rows of a six-row fix",
+        "f32",
+        (filter.clone(), fix),
+        |(filter, fix)| Ok(fix.linearize(filter.nav())),
     )?;
     table.row(
         "three dense rows",
@@ -343,6 +366,15 @@ fn kernels<T: Real>(
         (covariance, rows),
         |(p, rows)| p.update(rows),
     )
+}
+
+/// Position and velocity of an antenna a metre and a half away, near where the filter is.
+fn fix(nav: &NavState) -> Result<PositionVelocity, Error> {
+    let antenna = Antenna::new(Vector3::new(0.5, -1.0, 1.2))?;
+    let sigma = Vector3::new(0.5, 0.5, 1.0);
+    let position = Position::new(nav.position(), sigma, 0.1)?;
+    let velocity = Velocity::new(nav.v_n(), sigma * 0.1, 0.1)?;
+    Ok(PositionVelocity::new(position, velocity, antenna))
 }
 
 /// Three rows that measure everything a little.

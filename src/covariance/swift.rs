@@ -36,8 +36,8 @@ macro_rules! each_row {
 
 /// What is kept between the check of an update and its writing.
 struct Work<T, const M: usize, const N: usize> {
-    /// Columns P h of the rows, state after state; each row less what the rows before it explain.
-    c: [[T; M]; N],
+    /// P h of each row, less what the rows before it explain.
+    c: [[T; N]; M],
     /// 1/s; zero for a row that was gated out.
     inverse: [T; M],
     /// K R of a state is B c: the diagonal of B's first factor …
@@ -70,7 +70,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         }
         // any numbers: all are written before they are read
         let mut work = Work {
-            c: [[T::one(); M]; N],
+            c: [[T::one(); N]; M],
             inverse: [T::one(); M],
             shrink: [T::one(); M],
             back: [[T::one(); M]; M],
@@ -133,7 +133,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 nu = nu.map(|x| -x); // both signs turned
                 self.direct_panel(first, &mut work.c)
             }
-            Pattern::Dense(h) => self.dense_panel(h, &mut work.c),
+            Pattern::Dense { h, unit } => self.dense_panel(h, unit, &mut work.c),
         };
         match sequence(&hph, &nu, rows, out) {
             Some(q) => self.variances::<M, NONE>(&q, out, work),
@@ -143,53 +143,110 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
 
     /// P Hᵀ and H P Hᵀ of direct rows from any state on; zeros where there is no such state.
     #[inline(always)]
-    fn direct_panel<const M: usize>(&self, first: usize, c: &mut [[T; M]; N]) -> [[T; M]; M] {
-        for m in 0..M {
-            let p = if first + m < N {
+    fn direct_panel<const M: usize>(&self, first: usize, c: &mut [[T; N]; M]) -> [[T; M]; M] {
+        let mut hph = [[T::zero(); M]; M];
+        for (m, c) in c.iter_mut().enumerate() {
+            *c = if first + m < N {
                 column::<T, N>(&self.hi, first + m)
             } else {
                 [T::zero(); N]
             };
-            for (c, p) in c.iter_mut().zip(p) {
-                c[m] = p;
+            for (g, c) in hph.iter_mut().zip(c.iter().skip(first)) {
+                g[m] = *c;
             }
-        }
-        let mut hph = [[T::zero(); M]; M];
-        for (g, c) in hph.iter_mut().zip(c.iter().skip(first)) {
-            *g = *c;
         }
         hph
     }
 
-    /// P Hᵀ and H P Hᵀ of any rows; a state that no row sees costs nothing.
+    /// P Hᵀ, and H P Hᵀ on and below its diagonal, of any rows. A 3×3 block of zeros in H costs little.
     #[inline(always)]
     fn dense_panel<const M: usize>(
         &self,
         h: &SMatrix<T, M, N>,
-        c: &mut [[T; M]; N],
+        unit: &[T; N],
+        c: &mut [[T; N]; M],
     ) -> [[T; M]; M] {
-        *c = [[T::zero(); M]; N];
-        for (j, h) in h.column_iter().enumerate() {
-            if h.iter().all(|h| *h == T::zero()) {
-                continue;
+        let zero = T::zero();
+        for c in c.iter_mut() {
+            macro_rules! one {
+                ($i:literal) => {
+                    c[$i] = zero;
+                };
             }
-            for (c, p) in c.iter_mut().zip(column::<T, N>(&self.hi, j)) {
-                for (c, h) in c.iter_mut().zip(h.iter()) {
-                    *c += *h * p;
-                }
-            }
+            each_state!(one);
         }
-        let mut hph = [[T::zero(); M]; M];
-        for (h, c) in h.column_iter().zip(c.iter()) {
-            for (g, h) in hph.iter_mut().zip(h.iter()) {
-                if *h != T::zero() {
-                    for (g, c) in g.iter_mut().zip(c) {
-                        *g += *h * *c;
-                    }
+        let mut hph = [[zero; M]; M];
+        let columns = &h.data.0;
+        let mut seen = [false; 5];
+        macro_rules! panel {
+            ($b:literal) => {
+                let [x, y, z] = [&columns[3 * $b], &columns[3 * $b + 1], &columns[3 * $b + 2]];
+                let u = [unit[3 * $b], unit[3 * $b + 1], unit[3 * $b + 2]];
+                let (x3, x1) = x.as_chunks::<3>();
+                let (y3, y1) = y.as_chunks::<3>();
+                let (z3, z1) = z.as_chunks::<3>();
+                let (c3, c1) = c.as_chunks_mut::<3>();
+                for (((c, x), y), z) in c3.iter_mut().zip(x3).zip(y3).zip(z3) {
+                    seen[$b] |= self.add_rows::<3, $b>(c, [x, y, z], &u);
                 }
-            }
+                let rest = c1.iter_mut().zip(x1).zip(y1).zip(z1);
+                for (((c, x), y), z) in rest {
+                    let h = [&[*x], &[*y], &[*z]];
+                    seen[$b] |= self.add_rows::<1, $b>(core::array::from_mut(c), h, &u);
+                }
+            };
         }
+        panel!(0);
+        panel!(1);
+        panel!(2);
+        panel!(3);
+        panel!(4);
+        macro_rules! inner {
+            ($b:literal) => {
+                if seen[$b] {
+                    let u = [unit[3 * $b], unit[3 * $b + 1], unit[3 * $b + 2]];
+                    let [x, y, z] = [&columns[3 * $b], &columns[3 * $b + 1], &columns[3 * $b + 2]];
+                    each_row!(n; if !all_zero(&[x[n], y[n], z[n]]) {
+                        let (x, y, z) = (x[n] * u[0], y[n] * u[1], z[n] * u[2]);
+                        each_row!(m; if m <= n {
+                            hph[n][m] += x * c[m][3 * $b] + y * c[m][3 * $b + 1] + z * c[m][3 * $b + 2];
+                        });
+                    });
+                }
+            };
+        }
+        inner!(0);
+        inner!(1);
+        inner!(2);
+        inner!(3);
+        inner!(4);
         hph
+    }
+
+    /// c ← c + P h for rows whose elements of block B are h[0], h[1] and h[2] times `unit`; whether there are any.
+    #[inline(always)]
+    fn add_rows<const M: usize, const B: usize>(
+        &self,
+        c: &mut [[T; N]; M],
+        h: [&[T; M]; 3],
+        unit: &[T; 3],
+    ) -> bool {
+        if all_zero(h[0]) && all_zero(h[1]) && all_zero(h[2]) {
+            return false;
+        }
+        let [x, y, z] = [0, 1, 2].map(|k: usize| h[k].map(|h| h * unit[k]));
+        macro_rules! one {
+            ($i:literal) => {
+                let p = [
+                    self.hi[at($i, 3 * B)],
+                    self.hi[at($i, 3 * B + 1)],
+                    self.hi[at($i, 3 * B + 2)],
+                ];
+                each_row!(m; c[m][$i] += x[m] * p[0] + y[m] * p[1] + z[m] * p[2]);
+            };
+        }
+        each_state!(one);
+        true
     }
 
     /// Reduces the panel to the sequential rows; δx and every variance after; whether all of them are fit: none but
@@ -204,22 +261,28 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         work.inverse = q.inverse;
         let mut signs = 0;
         let mut total = T::zero();
-        macro_rules! one {
+        macro_rules! panel {
             ($j:literal) => {{
-                let mut c = work.c[$j];
-                if FIRST < NONE {
-                    each_row!(m; c[m] = self.hi[at($j, FIRST + m)]);
-                }
-                reduce(&mut c, &q.l);
-                work.c[$j] = c;
-                let d = dot(&c, &times(&c, &q.inverse));
+                let mut c = [T::zero(); M];
+                each_row!(m; c[m] = if FIRST < NONE {
+                    self.hi[at($j, FIRST + m)]
+                } else {
+                    work.c[m][$j]
+                });
+                c
+            }};
+        }
+        macro_rules! one {
+            ($j:literal, $c:expr, $d:expr, $dx:expr) => {{
+                let (c, d) = ($c, $d);
+                each_row!(m; work.c[m][$j] = c[m]);
                 let before = self.hi[upper($j, $j)];
                 let after = if measured::<M, FIRST>($j) {
                     back(&times(&c, &work.shrink), &work.back)[$j - FIRST]
                 } else {
                     two_add(before, self.lo[upper($j, $j)], -d).0
                 };
-                out.dx[$j] = dot(&c, &q.gain);
+                out.dx[$j] = $dx;
                 out.decrease[$j] = d;
                 out.p_before[$j] = before;
                 out.p_after[$j] = after;
@@ -228,7 +291,52 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 total += after;
             }};
         }
-        each_state!(one);
+        // three states at a time, so that a factor is read once for three: of few rows all factors stay in registers
+        macro_rules! three {
+            ($a:literal, $b:literal, $c:literal) => {{
+                let mut c = [panel!($a), panel!($b), panel!($c)];
+                let (mut d, mut dx) = ([T::zero(); 3], [T::zero(); 3]);
+                each_row!(m; {
+                    let mut x = [c[0][m], c[1][m], c[2][m]];
+                    each_row!(k; if k < m {
+                        let l = q.l[m][k];
+                        x = [x[0] - l * c[0][k], x[1] - l * c[1][k], x[2] - l * c[2][k]];
+                    });
+                    (c[0][m], c[1][m], c[2][m]) = (x[0], x[1], x[2]);
+                    let (inverse, gain) = (q.inverse[m], q.gain[m]);
+                    if m == 0 {
+                        d = x.map(|x| x * (x * inverse));
+                        dx = x.map(|x| x * gain);
+                    } else {
+                        d = [d[0] + x[0] * (x[0] * inverse), d[1] + x[1] * (x[1] * inverse), d[2] + x[2] * (x[2] * inverse)];
+                        dx = [dx[0] + x[0] * gain, dx[1] + x[1] * gain, dx[2] + x[2] * gain];
+                    }
+                });
+                one!($a, c[0], d[0], dx[0]);
+                one!($b, c[1], d[1], dx[1]);
+                one!($c, c[2], d[2], dx[2]);
+            }};
+        }
+        macro_rules! single {
+            ($j:literal) => {
+                let mut c = panel!($j);
+                each_row!(m; {
+                    let mut x = c[m];
+                    each_row!(k; if k < m { x -= q.l[m][k] * c[k] });
+                    c[m] = x;
+                });
+                one!($j, c, dot(&c, &times(&c, &q.inverse)), dot(&c, &q.gain));
+            };
+        }
+        if M > 3 {
+            three!(0, 1, 2);
+            three!(3, 4, 5);
+            three!(6, 7, 8);
+            three!(9, 10, 11);
+            three!(12, 13, 14);
+        } else {
+            each_state!(single);
+        }
         signs >> 31 == 0 && total.finite()
     }
 
@@ -236,19 +344,25 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// of states measured by themselves ← K R.
     #[inline(never)]
     fn sweep<const M: usize, const FIRST: usize>(&mut self, work: &Work<T, M, N>) {
-        let (c, inverse) = (&work.c, &work.inverse);
+        let inverse = &work.inverse;
+        let c = |state: usize| {
+            let mut c = [T::zero(); M];
+            each_row!(m; c[m] = work.c[m][state]);
+            c
+        };
         macro_rules! tile {
             ($a:literal, $b:literal, $c:literal) => {{
                 let g = [
-                    times(&c[$a], inverse),
-                    times(&c[$b], inverse),
-                    times(&c[$c], inverse),
+                    times(&c($a), inverse),
+                    times(&c($b), inverse),
+                    times(&c($c), inverse),
                 ];
                 macro_rules! one {
                     ($i:literal) => {
-                        self.lower::<M, FIRST, $i, $a>(&c[$i], &g[0]);
-                        self.lower::<M, FIRST, $i, $b>(&c[$i], &g[1]);
-                        self.lower::<M, FIRST, $i, $c>(&c[$i], &g[2]);
+                        let c = c($i);
+                        self.lower::<M, FIRST, $i, $a>(&c, &g[0]);
+                        self.lower::<M, FIRST, $i, $b>(&c, &g[1]);
+                        self.lower::<M, FIRST, $i, $c>(&c, &g[2]);
                     };
                 }
                 each_state!(one);
@@ -262,7 +376,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if FIRST < NONE {
             macro_rules! one {
                 ($i:literal) => {
-                    let x = back(&times(&c[$i], &work.shrink), &work.back);
+                    let x = back(&times(&c($i), &work.shrink), &work.back);
                     each_row!(m; if at($i, FIRST + m) == upper($i, FIRST + m) || !measured::<M, FIRST>($i) {
                         let k = at($i, FIRST + m);
                         (self.hi[k], self.lo[k]) = (x[m], T::zero());
@@ -344,6 +458,14 @@ fn sequence<T: Real, const M: usize, const N: usize>(
     Some(Sequence { l, inverse, gain })
 }
 
+/// Whether there are only zeros.
+#[inline(always)]
+fn all_zero<T: Real, const M: usize>(x: &[T; M]) -> bool {
+    let mut any = 0;
+    each_row!(m; any |= x[m].abs().sign_word());
+    any == 0
+}
+
 #[inline(always)]
 fn dot<T: Real, const M: usize>(a: &[T; M], b: &[T; M]) -> T {
     let mut d = a[0] * b[0];
@@ -356,16 +478,6 @@ fn times<T: Real, const M: usize>(a: &[T; M], b: &[T; M]) -> [T; M] {
     let mut x = *a;
     each_row!(m; x[m] *= b[m]);
     x
-}
-
-/// c ← L⁻¹ c
-#[inline(always)]
-fn reduce<T: Real, const M: usize>(c: &mut [T; M], l: &[[T; M]; M]) {
-    each_row!(m; {
-        let mut x = c[m];
-        each_row!(k; if k < m { x -= l[m][k] * c[k] });
-        c[m] = x;
-    });
 }
 
 /// L⁻ᵀ g. With g = D⁻¹ L⁻¹ P_bj this is the gain K of state j; with R taken into g and L, K R.
@@ -396,19 +508,23 @@ mod tests {
         x * x.transpose() / 15.0 + SMatrix::identity() * 0.5
     }
 
-    fn is_the_textbook_one<const M: usize>(first: usize, r: f64) {
+    /// h as it is given to the update, and in full.
+    fn is_the_textbook_one<const M: usize>(
+        given: Observation<f64, M, 15>,
+        h: SMatrix<f64, M, 15>,
+        r: f64,
+    ) {
         let p0 = some();
         let mut p = Covariance15::from_matrix(&p0).unwrap();
         let nu = SVector::<f64, M>::from_fn(|m, _| 0.1 + m as f64);
         let u = p
             .update(&Rows {
                 nu: nu.into(),
-                h: Observation::Direct { first },
+                h: given,
                 r: [r; M],
                 gate: None,
             })
             .unwrap();
-        let h = SMatrix::<f64, M, 15>::from_fn(|m, j| if j == first + m { -1.0 } else { 0.0 });
         let s = h * p0 * h.transpose() + SMatrix::<f64, M, M>::identity() * r;
         let k = p0 * h.transpose() * s.cholesky().unwrap().inverse();
         let joseph = SMatrix::<f64, 15, 15>::identity() - k * h;
@@ -428,13 +544,37 @@ mod tests {
         }
     }
 
+    fn of_states<const M: usize>(first: usize, r: f64) {
+        let h = SMatrix::from_fn(|m, j| if j == first + m { -1.0 } else { 0.0 });
+        is_the_textbook_one::<M>(Observation::Direct { first }, h, r);
+    }
+
     #[test]
     fn rows_of_single_states_are_the_textbook_update_however_far_the_variance_falls() {
         for r in [1.0, 1e-2, 1e-6] {
-            is_the_textbook_one::<3>(3, r); // K R
-            is_the_textbook_one::<1>(2, r);
-            is_the_textbook_one::<3>(0, r); // the general sweep, or double words where it collapses
-            is_the_textbook_one::<2>(7, r);
+            of_states::<3>(3, r); // K R
+            of_states::<1>(2, r);
+            of_states::<3>(0, r); // the general sweep, or double words where it collapses
+            of_states::<2>(7, r);
         }
+    }
+
+    #[test]
+    fn any_rows_are_the_textbook_update_zero_blocks_or_not() {
+        fn rows<const M: usize>() {
+            // some 3×3 blocks of zeros, and zeros inside the others
+            let h = SMatrix::<f64, M, 15>::from_fn(|m, j| match (m / 3 + j / 3) % 2 {
+                0 if m != j => (m as f64 - 0.3 * j as f64).sin(),
+                _ => 0.0,
+            });
+            for r in [10.0, 1e-3] {
+                is_the_textbook_one(Observation::Dense(h), h, r);
+            }
+        }
+        rows::<1>();
+        rows::<3>();
+        rows::<4>();
+        rows::<6>();
+        rows::<7>();
     }
 }

@@ -67,8 +67,14 @@ pub(crate) struct Lines<'a, T, const M: usize, const N: usize> {
 /// [`Observation`], borrowed.
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern<'a, T, const M: usize, const N: usize> {
-    Direct { first: usize },
-    Dense(&'a SMatrix<T, M, N>),
+    Direct {
+        first: usize,
+    },
+    /// H, and the unit of each state: column j is h times `unit[j]`.
+    Dense {
+        h: &'a SMatrix<T, M, N>,
+        unit: &'a [T; N],
+    },
 }
 
 /// Where the kernels write what [`Update`] says.
@@ -114,7 +120,8 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         rows: &Rows<T, M, N>,
         mut accept: impl FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<Update<T, M, N>, Error> {
-        let any = [T::one(); N]; // written before it is seen
+        let one = [T::one(); N];
+        let any = one; // written before it is seen
         let mut out = Update {
             nu: rows.nu,
             s: rows.r,
@@ -132,7 +139,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             gate: rows.gate,
             h: match &rows.h {
                 Observation::Direct { first } => Pattern::Direct { first: *first },
-                Observation::Dense(h) => Pattern::Dense(h),
+                Observation::Dense(h) => Pattern::Dense { h, unit: &one },
             },
         };
         let mut slots = Slots {
@@ -174,13 +181,23 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
+        let scaled = match rows.h {
+            Pattern::Direct { .. } => SMatrix::repeat(T::zero()),
+            Pattern::Dense { h, unit } => {
+                let mut h = *h;
+                for (mut h, u) in h.column_iter_mut().zip(unit) {
+                    h *= *u;
+                }
+                h
+            }
+        };
         let lines = careful::Lines {
             nu: rows.nu,
             r: rows.r,
             gate: rows.gate,
             h: match rows.h {
                 Pattern::Direct { first } => careful::Pattern::Direct { first },
-                Pattern::Dense(h) => careful::Pattern::Dense(h.as_slice()),
+                Pattern::Dense { .. } => careful::Pattern::Dense(scaled.as_slice()),
             },
         };
         let mut outcome = Outcome {

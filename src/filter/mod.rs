@@ -50,6 +50,8 @@ pub struct Filter {
     scaling: Scaling<f32>,
     sigma0: [f32; N],
     interval: Interval<f32>,
+    /// Of the last propagation; room for the next, which the stack need not have.
+    transition: BlockTransition<f32>,
     settings: Settings,
     time: Two,
     normalised: u16,
@@ -125,6 +127,7 @@ impl Filter {
             scaling,
             sigma0: sigma0.map(unit_of),
             interval: Interval::default(),
+            transition: BlockTransition::identity(),
             settings,
             time: Two::of(0.0),
             normalised,
@@ -193,11 +196,11 @@ impl Filter {
             self.interval.f_dt *= share;
             self.interval.dt *= share;
         }
-        let mut transition = BlockTransition::identity();
-        block_transition_into(&environment, &self.interval, &self.scaling, &mut transition);
+        let transition = &mut self.transition;
+        block_transition_into(&environment, &self.interval, &self.scaling, transition);
         for _ in 0..parts {
-            self.covariance.propagate_blocks(&transition);
-            watch(&transition);
+            self.covariance.propagate_blocks(transition);
+            watch(transition);
         }
         self.interval = Interval::default();
     }
@@ -232,7 +235,7 @@ impl Filter {
     }
 
     /// As [`Filter::update_into`] with this gate.
-    #[inline(always)]
+    #[inline(never)]
     fn update_gated<const M: usize>(
         &mut self,
         measurement: &Linearized<M>,
@@ -240,40 +243,17 @@ impl Filter {
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         check(measurement)?;
-        match &measurement.h {
-            Jacobian::Direct { first } => {
-                let mut unit = [1.0; M];
-                for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
-                    *u = sigma;
-                }
-                let h = Pattern::Direct { first: *first };
-                self.take(measurement, &unit, h, gate, report)
-            }
-            Jacobian::Dense(h) => {
-                let mut h = *h;
-                for (mut column, &sigma) in h.column_iter_mut().zip(&self.sigma0) {
-                    column *= sigma;
-                }
-                self.take(measurement, &[1.0; M], Pattern::Dense(&h), gate, report)
+        let mut unit = [1.0; M];
+        if let Jacobian::Direct { first } = &measurement.h {
+            for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
+                *u = sigma;
             }
         }
-    }
-
-    /// A checked measurement whose row m is divided by `unit[m]`, its rows being `h` in σ0 units.
-    #[inline(never)]
-    fn take<const M: usize>(
-        &mut self,
-        measurement: &Linearized<M>,
-        unit: &[f32; M],
-        h: Pattern<'_, f32, M, N>,
-        gate: Option<f32>,
-        report: &mut UpdateReport<M>,
-    ) -> Result<(), Error> {
         let (mut nu, mut r) = ([0.0; M], [0.0; M]);
         let mut sum = 0.0;
         let given = measurement.nu.iter().zip(measurement.r.iter());
         let rows = nu.iter_mut().zip(r.iter_mut()).zip(report.nu.iter_mut());
-        for ((((nu, r), copy), (&z, &var)), &u) in rows.zip(given).zip(unit) {
+        for ((((nu, r), copy), (&z, &var)), &u) in rows.zip(given).zip(&unit) {
             (*copy, *nu, *r) = (z, z / u, var / (u * u));
             sum += *nu * 0.0 + *r * 0.0; // NaN where one is not finite
         }
@@ -285,7 +265,13 @@ impl Filter {
             nu: &nu,
             r: &r,
             gate,
-            h,
+            h: match &measurement.h {
+                Jacobian::Direct { first } => Pattern::Direct { first: *first },
+                Jacobian::Dense(h) => Pattern::Dense {
+                    h,
+                    unit: &self.sigma0,
+                },
+            },
         };
         let mut slots = Slots {
             s: &mut report.s,
@@ -302,7 +288,7 @@ impl Filter {
             let dx = SVector::<f32, N>::from(*dx).component_mul(&SVector::from(*sigma0));
             nav.correct(&dx)
         })?;
-        for (s, &u) in report.s.iter_mut().zip(unit) {
+        for (s, &u) in report.s.iter_mut().zip(&unit) {
             *s *= u * u;
         }
         report.normalised = self.normalised;
@@ -407,9 +393,16 @@ fn check<const M: usize>(measurement: &Linearized<M>) -> Result<(), Error> {
     match &measurement.h {
         Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),
         Jacobian::Direct { .. } => Ok(()),
-        Jacobian::Dense(h) => h
-            .iter()
-            .try_for_each(|&h| within(h, -MAX_MAGNITUDE, MAX_MAGNITUDE)),
+        Jacobian::Dense(h) => {
+            // at a glance; written as what is good: a NaN fails
+            let columns = h.data.0.as_flattened().iter();
+            let size = columns.fold(0.0, |sum: f32, h| sum + h.abs());
+            if size <= MAX_MAGNITUDE {
+                return Ok(());
+            }
+            h.iter()
+                .try_for_each(|&h| within(h, -MAX_MAGNITUDE, MAX_MAGNITUDE))
+        }
     }
 }
 
