@@ -1,14 +1,13 @@
 //! What an estimate is wrong by, in the error states of the filter.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use navsight::earth::Geodetic;
 use navsight::error_model::N;
 use navsight::filter::Filter;
 
 use super::{SensorErrors, Truth};
 
-/// Estimate minus truth in the filter's error states (biases: truth minus estimate), SI. At a standstill or a walking
-/// pace: the turn of the true velocity into the frame at the estimated position is left out.
+/// Estimate minus truth in the filter's error states (biases: truth minus estimate), SI.
 pub fn error_state(filter: &Filter, truth: &Truth, sensor: &SensorErrors) -> [f64; N] {
     let nav = filter.nav();
     let local = nav.local();
@@ -20,7 +19,6 @@ pub fn error_state(filter: &Filter, truth: &Truth, sensor: &SensorErrors) -> [f6
     let r = nav
         .displacement_to(&there)
         .map_or(Vector3::repeat(f64::NAN), |d| -d.map(f64::from));
-    let v = nav.v_n().map(f64::from) - truth.v_n;
     // Ĉ = (I − [φ×]) C and ψ = φ − δθ
     let estimate: Matrix3<f64> = navsight::attitude::c_b_n(nav.quaternion().map(f64::from));
     let turn = truth.q.to_rotation_matrix().matrix() * estimate.transpose();
@@ -35,6 +33,8 @@ pub fn error_state(filter: &Filter, truth: &Truth, sensor: &SensorErrors) -> [f6
         r.x * f64::from(local.inv_r_n * local.tan_lat),
     );
     let psi = phi - theta;
+    // the true velocity, resolved in the frame at the estimated position
+    let v = nav.v_n().map(f64::from) - (truth.v_n - theta.cross(&truth.v_n));
     let g = sensor.gyro_bias - nav.b_g().map(f64::from);
     let b = sensor.accel_bias - nav.b_a().map(f64::from);
     let mut error = [0.0; N];
@@ -42,4 +42,11 @@ pub fn error_state(filter: &Filter, truth: &Truth, sensor: &SensorErrors) -> [f6
         *to = *x;
     }
     error
+}
+
+/// Covariance of the filter's error states, SI.
+pub fn covariance(filter: &Filter) -> SMatrix<f64, N, N> {
+    let unit = SVector::from(*filter.sigma0()).map(f64::from);
+    let unit = SMatrix::<f64, N, N>::from_diagonal(&unit);
+    unit * filter.covariance().to_matrix().cast::<f64>() * unit
 }

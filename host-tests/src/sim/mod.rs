@@ -14,13 +14,15 @@
 //! ```
 
 mod error;
+mod patrol;
 mod schedule;
 mod sensor;
 mod standing;
 mod trajectory;
 mod truth;
 
-pub use error::error_state;
+pub use error::{covariance, error_state};
+pub use patrol::Patrol;
 pub use schedule::{Position, Schedule};
 pub use sensor::{Sensor, SensorErrors};
 pub use standing::navigation_grade;
