@@ -13,6 +13,8 @@ use host_tests::input::{ImuReader, ImuSample};
 use host_tests::lab::solution::{angles_deg, turn_deg};
 use nalgebra::{Quaternion, UnitQuaternion};
 use navsight::earth::Geodetic;
+use navsight::error_model::{ATT, N};
+use navsight::observability::verdict::{Limits, Reason, Verdict, Verdicts};
 
 struct Data {
     samples: Vec<ImuSample>,
@@ -36,6 +38,9 @@ fn data() -> Option<Data> {
     })
 }
 
+/// 1σ that the user wants of the heading: 3°.
+const REQUIRED_HEADING: f32 = 0.052;
+
 #[derive(Default)]
 struct Outcome {
     /// t, errors of heading, pitch, roll [°], sigma heading
@@ -47,6 +52,8 @@ struct Outcome {
     /// Horizontal error at the end of the outage [m].
     outage: f64,
     gaps: Vec<(f64, f64)>,
+    /// Verdict about heading at every fix.
+    verdicts: Vec<(f64, Verdict, Reason)>,
 }
 
 fn run(data: &Data, setup: Setup, cut: Option<(f64, f64)>) -> Outcome {
@@ -54,9 +61,20 @@ fn run(data: &Data, setup: Setup, cut: Option<(f64, f64)>) -> Outcome {
     let mut flight = Flight::new(setup, &data.samples[0], &data.fixes).unwrap();
     let mut next = 0;
     let cut: Vec<_> = cut.into_iter().collect();
+    let mut verdicts = None;
     for sample in &data.samples {
         let fixed = flight.take(sample, &data.fixes, &cut).unwrap();
         for f in &fixed {
+            let filter = flight.filter().unwrap();
+            let verdicts = verdicts.get_or_insert_with(|| {
+                let mut required = [None; N];
+                required[ATT + 2] = Some(REQUIRED_HEADING);
+                Verdicts::new(filter.sigma0(), &required, Limits::DEFAULT).unwrap()
+            });
+            verdicts.take(filter.time(), &f.position.report);
+            verdicts.take(filter.time(), &f.velocity.report);
+            let now = verdicts.of(ATT + 2).unwrap();
+            out.verdicts.push((f.t, now.verdict, now.reason));
             if f.t >= 60.0 {
                 out.nis += f64::from(f.velocity.report.nis);
                 out.fixes += 1.0;
@@ -173,4 +191,48 @@ fn outages_of_twenty_seconds() {
     let median = 0.5 * (errors[9] + errors[10]);
     println!("median {median:.1} m of {errors:.1?}");
     assert!(median <= 36.0, "{median}");
+}
+
+#[test]
+fn in_the_hover_heading_is_not_observed_and_the_verdict_says_so() {
+    let Some(data) = data() else { return };
+    let o = run(&data, Setup::QUAD, None);
+    let mut changes = Vec::new();
+    for &(t, verdict, reason) in &o.verdicts {
+        if changes.last().is_none_or(|&(_, before)| before != verdict) {
+            println!("{t:6.1} s {verdict:?}: {}", reason.sentence());
+            changes.push((t, verdict));
+        }
+    }
+    // Never settled before a minute of flight (another filter declares its heading valid at 9.6 s, 45.8° off), and
+    let first = changes
+        .iter()
+        .find(|(_, v)| *v == Verdict::Settled)
+        .unwrap();
+    assert!((60.0..=120.0).contains(&first.0), "{first:?}");
+    // not observed from the beginning of the hover on, until the vehicle moves at 595 s,
+    for (t, verdict, reason) in o.verdicts.iter().filter(|v| (431.0..594.0).contains(&v.0)) {
+        assert_eq!((*verdict, *reason), (Verdict::Weak, Reason::Fading), "{t}");
+    }
+    // while its error grows with its σ; then observed again, and settled within half a minute.
+    let at = |t: f64| o.errors.iter().find(|e| e.0 >= t).unwrap();
+    println!(
+        "heading error {:.1}° and σ {:.1}° at 590 s",
+        at(590.0).1[0],
+        at(590.0).2
+    );
+    assert!(at(590.0).2 > 2.5 * at(430.0).2 && at(625.0).2 < 0.6 * at(590.0).2);
+    let again = changes
+        .iter()
+        .find(|(t, v)| *t > 594.0 && *v != Verdict::Weak);
+    assert!(
+        again.is_some_and(|&(t, v)| t < 630.0 && v == Verdict::Settled),
+        "{again:?}"
+    );
+    // Settled is never said of a heading that is off by more than 3 σ and 10°.
+    for (t, verdict, _) in &o.verdicts {
+        let (_, e, sigma) = if *t < 664.0 { at(*t) } else { continue };
+        let good = e[0].abs() <= 10f64.max(3.0 * sigma);
+        assert!(*verdict != Verdict::Settled || good, "{t}: {e:?}");
+    }
 }
