@@ -142,7 +142,8 @@ impl Default for Sensor {
 }
 
 /// Grades of inertial sensors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Grade {
     /// 0.003 °/h, 25 µg
     High,

@@ -4,6 +4,8 @@
 
 use std::path::{Path, PathBuf};
 
+mod common;
+
 use host_tests::input::rest;
 use host_tests::sim::{Position, Schedule, Sensor, SensorErrors, Simulator, DEG};
 use host_tests::stationary::{count, each, mems};
@@ -271,4 +273,38 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     assert!(looks
         .iter()
         .all(|l| !l.still && l.scatter < 1e-3 && l.updates.is_none()));
+}
+
+#[test]
+fn the_lab_shows_the_trade_off() {
+    let Some(folder) = recording("hand_slow_rotation") else {
+        return;
+    };
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let report = Path::new(env!("CARGO_TARGET_TMPDIR")).join("rest");
+    let (imu, flags) = (path("imu.csv"), path("rest.csv"));
+    let report = report.to_str().unwrap();
+    let o = common::lab_json([
+        "rest", "--json", "--imu", &imu, "--rest", &flags, "--report", report,
+    ]);
+    let curve = o["curve"].as_array().unwrap();
+    let get = |k: usize, key: &str| curve[k][key].as_f64().unwrap();
+    for k in 1..curve.len() {
+        // A wider limit finds more of both.
+        assert!(get(k, "rest_found") >= get(k - 1, "rest_found"));
+        assert!(get(k, "moving_called_rest") >= get(k - 1, "moving_called_rest"));
+    }
+    // It reaches from where the noise itself is refused to where motion is let through.
+    let last = curve.len() - 1;
+    assert!(get(0, "rest_found") < 0.5 && get(last, "moving_called_rest") > 0.005);
+    assert!(o["counts"]["rest_found"].as_f64().unwrap() > 0.96);
+    for arguments in [
+        &["--gyro-noise", "0"][..],
+        &["--sway-rate", "-1"],
+        &["--rest", "none.csv"],
+    ] {
+        let output = common::lab(["rest", "--imu", &imu].iter().chain(arguments));
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert_eq!(String::from_utf8(output.stderr).unwrap().lines().count(), 1);
+    }
 }

@@ -116,6 +116,13 @@ fn errors_are_as_large_as_the_filters_say() {
                     assert!(wide.0 < x && x < wide.1, "{place}: {x}");
                 }
             }
+            // Innovations: 10⁵ rows and more, and the first update after a coarse attitude is not linear to a part in a
+            // hundred of its σ.
+            for variant in [Full, Carry] {
+                let nis = tally.end(variant).unwrap().nis_per_row();
+                println!("{}: NIS per row {nis:.4}", variant.name());
+                assert!((nis - 1.0).abs() < 0.01, "{nis}");
+            }
             // One constant error, taken for new information 900 times: the gyro biases are believed 30σ too well.
             let every = tally.end(PengEvery).unwrap();
             assert!(every.anees(1) > 50.0);

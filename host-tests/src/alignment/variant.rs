@@ -11,7 +11,7 @@ use navsight::measurement::Velocity;
 use navsight::nav::NavState;
 use serde::{Deserialize, Serialize};
 
-use super::tally::Tally;
+use super::tally::{Innovations, Tally};
 use super::Scenario;
 use crate::sim::{error_state, Ideal, Sensor, Truth};
 
@@ -75,6 +75,7 @@ struct Runner {
     filter: Filter,
     /// From the positions before.
     observed: Vec<NorthBias>,
+    innovations: Innovations,
 }
 
 impl Runner {
@@ -82,7 +83,9 @@ impl Runner {
     fn update(&mut self, z: &Vector3<f32>, scenario: &Scenario) -> Result<(), Error> {
         let sigma = Vector3::repeat(scenario.sigma_velocity as f32);
         let z = Velocity::new(*z, sigma, scenario.interval as f32)?;
-        self.filter.update(&z.linearize(self.filter.nav()))?;
+        let report = self.filter.update(&z.linearize(self.filter.nav()))?;
+        self.innovations.sum += f64::from(report.nis);
+        self.innovations.rows += 3;
         if matches!(self.variant, Variant::PengEvery | Variant::PaperEq5) {
             self.observe()?;
         }
@@ -175,7 +178,12 @@ pub fn run(
     let nav = start(&mut sensor, &first.q)?;
     let filter = Filter::new(nav, &scenario.prior, scenario.settings()?)?;
     // One filter until the first turn, then one for each variant.
-    let mut common = Some(filter);
+    let mut common = Some(Runner {
+        variant: Variant::Full,
+        filter,
+        observed: Vec::new(),
+        innovations: Innovations::default(),
+    });
     let mut runners: Vec<Runner> = Vec::new();
     let (mut waited, mut position) = (0.0, 0);
     for (truth, ideal) in track {
@@ -183,10 +191,7 @@ pub fn run(
         let imu = sensor.sample(ideal);
         let standing = truth.time < end + 0.5 * scenario.dt;
         let alive = |r: &&mut Runner| standing || r.variant == Variant::Full;
-        if let Some(filter) = &mut common {
-            filter.propagate(&imu)?;
-        }
-        for runner in runners.iter_mut().filter(alive) {
+        for runner in common.iter_mut().chain(runners.iter_mut()).filter(alive) {
             runner.filter.propagate(&imu)?;
         }
         waited += scenario.dt;
@@ -195,12 +200,7 @@ pub fn run(
             // The end of a turn falls on no update: the interval begins anew with each position.
             if standing {
                 let z = (sensor.normal() * scenario.disturbance).cast::<f32>();
-                if let Some(filter) = &mut common {
-                    let sigma = Vector3::repeat(scenario.sigma_velocity as f32);
-                    let z = Velocity::new(z, sigma, scenario.interval as f32)?;
-                    filter.update(&z.linearize(filter.nav()))?;
-                }
-                for runner in &mut runners {
+                for runner in common.iter_mut().chain(&mut runners) {
                     runner.update(&z, scenario)?;
                 }
             }
@@ -208,26 +208,22 @@ pub fn run(
         let near = |t: f64| (truth.time - t).abs() < 0.5 * scenario.dt;
         let mark = scenario.marks.iter().any(|&m| near(begin + m)) || near(end);
         if standing && mark {
-            let mut add = |variant, filter: &Filter| {
-                let error = error_state(filter, truth, &sensor.errors);
-                tally.add(variant, position, truth.time - begin, filter, &error);
-            };
-            if let Some(filter) = &common {
-                add(Variant::Full, filter);
-            }
-            for runner in &runners {
-                add(runner.variant, &runner.filter);
+            for r in common.iter().chain(&runners) {
+                let error = error_state(&r.filter, truth, &sensor.errors);
+                let since = truth.time - begin;
+                tally.add(r.variant, position, since, &r.filter, &error, r.innovations);
             }
         }
         let next = spans.get(position + 1).map(|span| span.0);
         if near(end) && next.is_some() {
-            if let Some(filter) = common.take() {
+            if let Some(one) = common.take() {
                 runners = variants
                     .iter()
                     .map(|&variant| Runner {
                         variant,
-                        filter: filter.clone(),
+                        filter: one.filter.clone(),
                         observed: Vec::new(),
+                        ..one
                     })
                     .collect();
             }
@@ -238,6 +234,7 @@ pub fn run(
             let nav = start(&mut sensor, &truth.q)?;
             for runner in &mut runners {
                 runner.restart(nav, scenario)?;
+                runner.innovations = Innovations::default();
             }
         }
     }

@@ -26,8 +26,10 @@ use crate::config::{self, Config};
 use crate::report::write_file;
 use crate::sim::{error_state, Pose, Sensor, SensorErrors, Simulator, Static, Trajectory};
 
+pub mod compare;
 mod pages;
 mod paper;
+mod sweep;
 
 use paper::Paper;
 
@@ -37,6 +39,15 @@ pub struct Args {
     /// TOML with the scenario: the flags below, and [alignment] as in `replay --config`
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// TOML with a schedule of positions, sensor, disturbance and variants: compares the ways of using the positions
+    #[arg(long, value_name = "FILE", conflicts_with = "config")]
+    scenario: Option<PathBuf>,
+    /// The comparison for section 3 of Peng 2016, where there is no --scenario
+    #[arg(long)]
+    compare: bool,
+    /// By what angle to turn: closed forms and the filter's σ over the angle, for the two positions of the scenario
+    #[arg(long, conflicts_with = "compare")]
+    sweep: bool,
     /// Latitude [°]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     lat: Option<f64>,
@@ -276,6 +287,16 @@ struct Case {
 
 /// Simulates, prints, writes.
 pub fn run(args: &Args) -> Result<(), LabError> {
+    if args.compare || args.sweep || args.scenario.is_some() {
+        let file = match &args.scenario {
+            Some(path) => super::scenario::File::read(path)?,
+            None => super::scenario::File::default(),
+        };
+        return match args.sweep {
+            true => sweep::run(&file, args.json, &args.report),
+            false => compare::run(&file, args.json, &args.report),
+        };
+    }
     let scenario = Scenario::read(args)?;
     let samples = (scenario.duration_s * scenario.rate_hz) as u64;
     // A step of the analysis costs about as much as a hundred samples.

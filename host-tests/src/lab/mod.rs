@@ -10,7 +10,10 @@ pub mod covariance;
 mod error;
 pub mod history;
 mod json;
+pub mod montecarlo;
 pub mod replay;
+pub mod rest;
+pub mod scenario;
 pub mod solution;
 pub mod states;
 pub mod structural;
@@ -38,8 +41,12 @@ enum Command {
     Analyze(analyze::Args),
     /// Covariance analysis of one configuration: P, ξ1, ξ2 and η at chosen times
     Covariance(covariance::Args),
+    /// Is the filter as good as it says? Errors and innovations over many seeds
+    Montecarlo(montecarlo::Args),
     /// The filter on recorded data: attitude, biases and what was observable
     Replay(Box<replay::Args>),
+    /// When did the sensor stand still? The detector on recorded data, and both of its errors
+    Rest(rest::Args),
     /// Tracking by satellite positions and velocities: estimates, gains and what was observable
     Track(track::Args),
     /// Graph analysis of zero patterns: what can be seen at all
@@ -53,7 +60,9 @@ pub fn main() -> ExitCode {
             Command::Align(args) => align::run(&args),
             Command::Analyze(args) => analyze::run(&args),
             Command::Covariance(args) => covariance::run(&args),
+            Command::Montecarlo(args) => montecarlo::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Rest(args) => rest::run(&args),
             Command::Track(args) => track::run(&args),
             Command::Structural(args) => structural::run(&args),
         },
