@@ -94,12 +94,17 @@ impl Accuracy {
         Vector3::new(nu.x, north, nu.z - l20 * nu.x - l21 * north)
     }
 
-    /// L⁻¹ times the rows.
-    pub(super) fn decorrelate_rows(&self, h: &mut SMatrix<f32, 3, N>) {
+    /// L⁻¹ times three rows, from `ROW` on.
+    #[inline(always)]
+    pub(super) fn decorrelate_rows<const M: usize, const ROW: usize>(
+        &self,
+        h: &mut SMatrix<f32, M, N>,
+    ) {
         if self.is_diagonal() {
             return;
         }
-        for mut column in h.column_iter_mut() {
+        let mut rows = h.fixed_view_mut::<3, N>(ROW, 0);
+        for mut column in rows.column_iter_mut() {
             let row = self.decorrelated(&Vector3::new(column.x, column.y, column.z));
             column.copy_from(&row);
         }

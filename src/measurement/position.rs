@@ -1,6 +1,6 @@
 //! A measured geodetic position, as satellite receivers give it.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::earth::Geodetic;
@@ -72,7 +72,7 @@ impl Position {
             };
         }
         let mut h = SMatrix::<f32, 3, N>::zeros();
-        let nu = self.innovation(nav, &mut h);
+        let nu = self.innovation::<3, 0>(nav, &nav.c_b_n(), &mut h);
         Linearized {
             nu,
             h: Jacobian::Dense(h),
@@ -86,11 +86,17 @@ impl Position {
         self.linearize(nav).horizontal()
     }
 
-    /// Innovation and rows with everything in it, the correlations taken out.
-    pub(super) fn innovation(&self, nav: &NavState, h: &mut SMatrix<f32, 3, N>) -> SVector<f32, 3> {
-        let offset = self.antenna.offset(&nav.c_b_n());
-        Antenna::position_rows::<3, 0>(&offset, h);
-        self.accuracy.decorrelate_rows(h);
+    /// Innovation and rows, from `ROW` on, with everything in it, the correlations taken out.
+    #[inline(always)]
+    pub(super) fn innovation<const M: usize, const ROW: usize>(
+        &self,
+        nav: &NavState,
+        c_b_n: &Matrix3<f32>,
+        h: &mut SMatrix<f32, M, N>,
+    ) -> SVector<f32, 3> {
+        let offset = self.antenna.offset(c_b_n);
+        Antenna::position_rows::<M, ROW>(&offset, h);
+        self.accuracy.decorrelate_rows::<M, ROW>(h);
         self.accuracy
             .decorrelated(&(self.displacement(nav) - offset))
     }

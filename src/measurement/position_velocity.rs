@@ -39,12 +39,10 @@ impl PositionVelocity {
 
     /// The rows of [`Position::linearize`], then those of [`Velocity::linearize`]. One report, one ξ1.
     pub fn linearize(&self, nav: &NavState) -> Linearized<6> {
-        let (mut h_r, mut h_v) = (SMatrix::<f32, 3, N>::zeros(), SMatrix::<f32, 3, N>::zeros());
-        let nu_r = self.position.innovation(nav, &mut h_r);
-        let nu_v = self.velocity.innovation(nav, &mut h_v);
+        let c_b_n = nav.c_b_n();
         let mut h = SMatrix::<f32, 6, N>::zeros();
-        h.fixed_view_mut::<3, N>(0, 0).copy_from(&h_r);
-        h.fixed_view_mut::<3, N>(3, 0).copy_from(&h_v);
+        let nu_r = self.position.innovation::<6, 0>(nav, &c_b_n, &mut h);
+        let nu_v = self.velocity.innovation::<6, 3>(nav, &c_b_n, &mut h);
         let (r, v) = (
             self.position.accuracy().variances(),
             self.velocity.accuracy().variances(),
