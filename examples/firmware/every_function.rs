@@ -591,6 +591,9 @@ fn filter_rows<const M: usize>(filter: &mut Filter) {
     keep(room);
     let Ok(verdicts) = watching() else { return };
     if let Ok(report) = filter.update(&any(linearized)) {
+        let mut gramian = Gramian::<f32, 15>::new();
+        gramian.observe_update(&any(linearized), &report, filter.sigma0());
+        keep(gramian);
         keep(report.rows_accepted());
         keep(Xi::of(&report));
         keep(any(verdicts).take(any(2.0), &report));
