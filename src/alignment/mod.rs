@@ -4,10 +4,13 @@
 //! |---|---|
 //! | [`coarse`] | attitude from a window of samples that resists disturbance: level and gyrocompass |
 //! | [`in_motion`] | attitude of a moving vehicle from satellite velocities, heading unknown at the start |
+//! | [`gate`] | holds states that cannot be seen just now (Schmidt update); off unless used |
+//! | [`planner`] | which manoeuvre would help, tried on a copy of the covariance |
 //! | [`standing`] | coarse window, then the filter with zero-velocity updates, through turns to further positions |
 //! | [`carry`] | the biases of one alignment, with their covariance, into the next: power-off between two positions |
 //! | [`north_bias`] | Peng's observation of the north gyro bias from one position in the next |
 //! | [`stationary`] | at rest or not, and the zero-velocity and zero-rotation updates of a rest |
+//! | [`supervisor`] | is it finished, if not why not, and how long will it take |
 //! | [`angle`] | by what angle to turn, and for which of these ways |
 //!
 //! Two positions, best first (heading after 10 + 15 min, `host-tests/tests/two_position.rs`): the filter carried through a
@@ -17,7 +20,10 @@
 pub mod angle;
 pub mod carry;
 pub mod coarse;
+pub mod gate;
 pub mod in_motion;
 pub mod north_bias;
+pub mod planner;
 pub mod standing;
 pub mod stationary;
+pub mod supervisor;

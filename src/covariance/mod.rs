@@ -7,9 +7,11 @@
 //! | `structured` | [`Covariance15::propagate_blocks`]: the 15-state pattern of [`crate::linalg::BlockTransition`], spelled out |
 //! | `update` | [`Covariance::update`]: M rows in one sweep, each with its gate |
 //! | `swift` | how that is done when no variance collapses but those of the measured states: one word per product, spelled out for 15 states |
+//! | `consider` | [`Covariance::update_considering`]: the Schmidt update, some states left alone |
 //! | `careful` | how it is done when one does, and for any other N: double words |
 
 mod careful;
+mod consider;
 mod general;
 mod packed;
 mod structured;

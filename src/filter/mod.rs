@@ -55,6 +55,7 @@ pub struct Filter {
     settings: Settings,
     time: Two,
     normalised: u16,
+    considered: u16,
 }
 
 impl Filter {
@@ -131,6 +132,7 @@ impl Filter {
             settings,
             time: Two::of(0.0),
             normalised,
+            considered: 0,
         })
     }
 
@@ -284,10 +286,18 @@ impl Filter {
             p_after: &mut report.p_after,
         };
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
-        self.covariance.update_into(&lines, &mut slots, &mut |dx| {
+        let mut accept = |dx: &[f32; N]| {
             let dx = SVector::<f32, N>::from(*dx).component_mul(&SVector::from(*sigma0));
             nav.correct(&dx)
-        })?;
+        };
+        if self.considered == 0 {
+            self.covariance
+                .update_into(&lines, &mut slots, &mut accept)?;
+        } else {
+            let considered = u32::from(self.considered);
+            self.covariance
+                .consider_into(&lines, considered, &mut slots, &mut accept)?;
+        }
         for (s, &u) in report.s.iter_mut().zip(&unit) {
             *s *= u * u;
         }
@@ -319,6 +329,20 @@ impl Filter {
             }
         }
         Ok(())
+    }
+
+    /// From now on the updates leave the states alone of which a bit is set (bit i: state i; 0, as at the start, for none):
+    /// their estimates do not move, their variances are not reduced, and their correlations with the others stay honest
+    /// (Schmidt update, [`Covariance15::update_considering`]). Propagation goes on as ever.
+    ///
+    /// For states that cannot be seen just now; the gate of the alignment room decides which.
+    pub fn consider(&mut self, states: u16) {
+        self.considered = states & ((1 << N) - 1);
+    }
+
+    /// The states that updates leave alone, as bits.
+    pub fn considered(&self) -> u16 {
+        self.considered
     }
 
     /// What the error model needs to know about the earth where the vehicle is.
