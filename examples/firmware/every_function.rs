@@ -8,10 +8,13 @@ use nalgebra::{SMatrix, Vector3};
 use navsight::alignment::angle;
 use navsight::alignment::carry::BiasBlock;
 use navsight::alignment::coarse::CoarseAlignment;
+use navsight::alignment::gate;
 use navsight::alignment::in_motion::InMotion;
 use navsight::alignment::north_bias::{self, NorthBias};
+use navsight::alignment::planner::{Manoeuvre, Planner, Rules};
 use navsight::alignment::standing::{Plan, StandingAlignment};
 use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
+use navsight::alignment::supervisor::Supervisor;
 use navsight::attitude::{self, Enu, Euler, Frd, FrdToNed, Ned, Rfu, RfuToEnu};
 use navsight::covariance::{Covariance, Observation, Rows};
 use navsight::earth::{self, Geodetic, Local};
@@ -247,6 +250,13 @@ fn rows<T: Real, const N: usize, const L: usize, const M: usize>(p: &mut Covaria
         gate: any(Some(number())),
     };
     keep(p.update(&any(rows)));
+    keep(p.update_considering(&any(rows), any(1), &mut |dx| {
+        if any(dx).is_empty() {
+            Err(Error::Time)
+        } else {
+            Ok(())
+        }
+    }));
     keep(p.update_if(&any(rows), |dx| {
         if any(dx).is_empty() {
             Err(Error::Time)
@@ -597,6 +607,15 @@ fn filter_rows<const M: usize>(filter: &mut Filter) {
         keep(report.rows_accepted());
         keep(Xi::of(&report));
         keep(any(verdicts).take(any(2.0), &report));
+        if let Ok(supervisor) = supervising() {
+            keep(any(supervisor).take(any(2.0), &report));
+        }
+        if let Ok(mut holding) = gate::Gate::new(any(gate::Plan::BIASES)) {
+            keep(holding.update(filter, &any(linearized)));
+            keep(holding.held());
+        }
+        filter.consider(any(1));
+        keep(filter.considered());
         keep(report);
     }
 }
@@ -616,6 +635,27 @@ fn watching() -> Result<Verdicts, Error> {
     Ok(verdicts)
 }
 
+fn supervising() -> Result<Supervisor, Error> {
+    let limits = any(verdict::Limits::DEFAULT);
+    let mut supervisor = Supervisor::new(&any([1.0; 15]), &any([Some(1.0); 15]), limits)?;
+    supervisor.manoeuvred(any(1.0));
+    supervisor.reset();
+    keep(supervisor.verdicts_mut());
+    keep((supervisor.verdicts(), supervisor.latched()));
+    keep((supervisor.progress(), supervisor.time_to_go()));
+    keep((supervisor.sentence(), supervisor.status().state()));
+    Ok(supervisor)
+}
+
+fn planning(filter: &Filter, standing: ZeroVelocity) -> Result<(), Error> {
+    let rules = any(Rules::usual(standing));
+    let mut planner = Planner::new(filter, any(Manoeuvre::USUAL), rules)?;
+    keep(planner.step(any(9))?);
+    keep((planner.outcome(any(1)), planner.ranking(any(8))));
+    keep(planner.advice(any(8)));
+    Ok(())
+}
+
 fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Error> {
     let position = any(Geodetic::from_degrees(1.0, 1.0, 1.0));
     let mut coarse = CoarseAlignment::new(&position, any(ImuLimits::DEFAULT))?;
@@ -628,6 +668,7 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
         zero_velocity: ZeroVelocity::new(number(), number())?,
         turning: 0.02,
     });
+    planning(&filter, plan.zero_velocity)?;
     let mut standing = StandingAlignment::new(position, plan, prior, settings)?;
     keep(standing.take(&sample()));
     keep(standing.filter().is_some());

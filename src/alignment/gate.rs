@@ -10,7 +10,10 @@
 //! λ = Σ c²/(s p) / T,     c = P hᵀ, s = h P hᵀ + r, p of the state        [1/s]
 //! ```
 //!
-//! over blocks of [`Plan::dwell`] seconds; rows of one update count as if each were alone. In a hover λ of a level
+//! with rows of one update counted as if each were alone. A state is held after a whole block of [`Plan::dwell`] seconds
+//! with too little, and released at once, before the update that would teach it: while a state is held the update spends
+//! such information on the others, and it does not come back (5 s of delay at the beginning of a turn left a bias with
+//! seven times the σ). In a hover λ of a level
 //! accelerometer bias falls to nothing as soon as the tilt has taken up the specific force, held or not, because its
 //! correlation with the velocity goes; a turn brings it back at once.
 
@@ -26,21 +29,28 @@ use nalgebra::SVector;
 pub struct Plan {
     /// States that may be held, bit i for state i.
     pub eligible: u16,
+    /// States that are held throughout, as the heading of a sensor that cannot feel the earth turn: where a heading is
+    /// not known at all, the noise of the specific force passes for an acceleration and teaches one.
+    pub always: u16,
     /// A state is held when λ stays below this over a block [1/s]. 1/2400 leaves 12 % of σ per ten minutes to be learnt.
     pub hold: f32,
-    /// It is released when λ exceeds this over a block [1/s]; above `hold`.
+    /// It is released when an update offers more than this, λ of that update alone [1/s]; above `hold`.
     pub release: f32,
-    /// Length of a block [s].
+    /// Length of a block [s], and the shortest time of freedom.
     pub dwell: f32,
 }
 
 impl Plan {
-    /// Biases are held below 1/2400 per second and released above 1/600, blocks of 5 s: an eighth of the loss of 10 % in σ
-    /// that a manoeuvre of a minute makes up for.
+    /// Biases are held below 1/2400 per second over 5 s, and released above 1/300, which costs the released bias of a
+    /// hover 3 to 5 % of its σ (`host-tests/tests/gate.rs`).
+    ///
+    /// A filter whose heading is wrong by more than a degree or two lends every bias a share that is none, because it
+    /// sees itself turn; the gate believes it.
     pub const BIASES: Self = Self {
         eligible: 0b111_111_000_000_000,
+        always: 0,
         hold: 1.0 / 2400.0,
-        release: 1.0 / 600.0,
+        release: 1.0 / 300.0,
         dwell: 5.0,
     };
 
@@ -64,6 +74,8 @@ pub struct Gate {
     /// Σ of what the updates of this block offer each state.
     offered: [f32; N],
     held: u16,
+    /// Released in this block.
+    young: u16,
     began: Option<f64>,
 }
 
@@ -78,6 +90,7 @@ impl Gate {
             plan,
             offered: [0.0; N],
             held: 0,
+            young: 0,
             began: None,
         })
     }
@@ -94,7 +107,8 @@ impl Gate {
         filter.synchronize();
         self.decide(filter.time());
         let offers = offers(filter, measurement);
-        filter.consider(self.held);
+        self.release(&offers, measurement.interval);
+        filter.consider(self.held());
         let report = filter.update(measurement)?;
         for (sum, offer) in self.offered.iter_mut().zip(&offers) {
             *sum += *offer;
@@ -104,7 +118,19 @@ impl Gate {
 
     /// The states that are held, as bits.
     pub fn held(&self) -> u16 {
-        self.held
+        self.held | self.plan.always
+    }
+
+    /// Releases what this update would teach.
+    fn release(&mut self, offers: &[f32; N], interval: f32) {
+        for (i, offer) in offers.iter().enumerate() {
+            let bit = 1 << i;
+            if self.held & bit != 0 && interval > 0.0 && *offer > self.plan.release * interval {
+                self.held &= !bit;
+                // not held again before a whole block has passed
+                self.young |= bit;
+            }
+        }
     }
 
     /// Closes a block that is over.
@@ -121,15 +147,15 @@ impl Gate {
         for (i, offered) in self.offered.iter_mut().enumerate() {
             let bit = 1 << i;
             if self.plan.eligible & bit != 0 && length > 0.0 {
-                let rate = *offered / length;
-                if rate > self.plan.release {
+                if *offered > self.plan.release * length {
                     self.held &= !bit;
-                } else if rate < self.plan.hold {
+                } else if *offered < self.plan.hold * length && self.young & bit == 0 {
                     self.held |= bit;
                 }
             }
             *offered = 0.0;
         }
+        self.young = 0;
     }
 }
 

@@ -11,6 +11,7 @@
 //! measured then. Against the σ that a filter reaches when the manoeuvre is then flown: within 5 % for every state and
 //! candidate (`host-tests/tests/planner.rs`). Left out: transport rate and Coriolis terms of the speed reached.
 
+use core::cmp::Ordering;
 use core::fmt;
 
 use nalgebra::{Matrix3, Vector3};
@@ -394,18 +395,24 @@ impl<const K: usize> Planner<K> {
     /// Candidates from best to worst for the σ of one state: their numbers. Of equals, and of those not tried yet, the
     /// first comes first.
     pub fn ranking(&self, state: usize) -> [usize; K] {
-        let mut n = 0;
-        let mut order = [(); K].map(|()| {
-            n += 1;
-            n - 1
-        });
         let sigma = |candidate: usize| {
             let outcome = self.outcome(candidate);
             outcome
                 .and_then(|o| o.sigma.get(state).copied())
                 .unwrap_or(f32::MAX)
         };
-        order.sort_unstable_by(|a, b| sigma(*a).total_cmp(&sigma(*b)).then(a.cmp(b)));
+        // Its place is the number of those that come before it.
+        let mut order = [0; K];
+        for i in 0..K {
+            let before = |j: &usize| match sigma(*j).total_cmp(&sigma(i)) {
+                Ordering::Less => true,
+                Ordering::Equal => *j < i,
+                Ordering::Greater => false,
+            };
+            if let Some(place) = order.get_mut((0..K).filter(before).count()) {
+                *place = i;
+            }
+        }
         order
     }
 
