@@ -7,6 +7,7 @@ use crate::attitude::{c_b_n, normalized, product, rotation_minus_one, Enu, Euler
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
 use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
+use crate::linalg::each_state;
 use crate::mechanization::{admit, Step, Strapdown};
 
 /// Largest gyro bias that is compensated, per axis [rad/s].
@@ -124,7 +125,24 @@ impl NavState {
     /// outside what the state accepts; [`Error::Polar`]. The state is bit-identical after any of them.
     pub fn correct(&mut self, dx: &SVector<f32, 15>) -> Result<(), Error> {
         let [dx] = &dx.data.0;
-        let size = dx.iter().fold(0.0, |sum: f32, x| sum + x.abs());
+        self.correct_in_units(dx, &[1.0; 15])
+    }
+
+    /// [`NavState::correct`] by δx times `unit`, element by element.
+    pub(crate) fn correct_in_units(
+        &mut self,
+        dx: &[f32; 15],
+        unit: &[f32; 15],
+    ) -> Result<(), Error> {
+        let (mut scaled, mut size) = ([0.0; 15], 0.0);
+        macro_rules! one {
+            ($i:literal) => {
+                scaled[$i] = dx[$i] * unit[$i];
+                size += scaled[$i].abs();
+            };
+        }
+        each_state!(one);
+        let dx = &scaled;
         if !size.is_finite() && !dx.iter().all(|x| x.is_finite()) {
             return Err(Error::NonFinite);
         }

@@ -34,7 +34,7 @@ use crate::linalg::{BlockTransition, Real, Two};
 use crate::measurement::{Jacobian, Linearized};
 use crate::mechanization::Step;
 use crate::nav::NavState;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
 /// Largest |ν| [unit of z] and |h| that a measurement may hold: far beyond any sensor, and small enough for the squares
 /// and products of the update to stay inside f32.
@@ -286,10 +286,7 @@ impl Filter {
             p_after: &mut report.p_after,
         };
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
-        let mut accept = |dx: &[f32; N]| {
-            let dx = SVector::<f32, N>::from(*dx).component_mul(&SVector::from(*sigma0));
-            nav.correct(&dx)
-        };
+        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
         if self.considered == 0 {
             self.covariance
                 .update_into(&lines, &mut slots, &mut accept)?;
