@@ -15,6 +15,7 @@ mod golden;
 mod packages;
 mod pairs;
 mod panics;
+mod peers;
 mod qemu;
 mod report;
 mod shell;
@@ -52,10 +53,15 @@ enum Command {
         /// Print one JSON list and nothing else on standard output
         #[arg(long)]
         json: bool,
+        /// The growth tables of docs/performance.md too: rows 1 … 6, covariance rates 1 … 100 Hz, opt-level "z"
+        #[arg(long)]
+        all: bool,
         /// Take what was measured as the new budgets
         #[arg(long)]
         accept: bool,
     },
+    /// Count other filters beside ours on the same work, write their table into BENCHMARKS.md
+    Peers,
     /// Flash per room and RAM per state
     Size,
     /// Prove at link time that no panic path survives, at opt-level 3 and "s"
@@ -89,7 +95,8 @@ fn run(command: Command) -> Result<ExitCode> {
         Command::Test { full } => test::run(full),
         Command::Thumb => report::standalone(|report| builds::bare(report, &toolchain::ready()?)),
         Command::Qemu => report::standalone(|report| pairs::compare(report, &toolchain::ready()?)),
-        Command::Bench { json, accept } => bench::run(json, accept),
+        Command::Bench { json, all, accept } => bench::run(json, accept, all),
+        Command::Peers => peers::run(),
         Command::Size => size::run(),
         Command::PanicFree => {
             report::standalone(|report| panics::prove(report, &toolchain::ready()?))

@@ -86,9 +86,14 @@ impl<'a> Build<'a> {
 
 /// Runs a firmware to its end and returns what it printed.
 pub fn run(elf: &Path, plugin: Option<&str>) -> Result<String> {
+    run_on(MACHINE, elf, plugin)
+}
+
+/// The same on another machine with flash at 0 and RAM at 0x2000_0000.
+pub fn run_on(machine: &str, elf: &Path, plugin: Option<&str>) -> Result<String> {
     let mut qemu = shell::command(packages::QEMU.program);
     qemu.args([
-        "-machine", MACHINE, "-display", "none", "-monitor", "none", "-serial", "none",
+        "-machine", machine, "-display", "none", "-monitor", "none", "-serial", "none",
     ]);
     qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"])
         .arg(elf);

@@ -64,9 +64,22 @@ pub const CORE: &str = "Cortex-M4F";
 impl Firmware {
     /// Builds and runs it with the counting plugin.
     pub fn rows(&self, toolchain: &Toolchain, plugin: &Path) -> Result<Vec<Row>> {
-        let elf = self.elf(toolchain)?;
-        let counts = target_dir().join(format!("counts-{}{}.txt", self.profile, self.cpu));
-        let printed = qemu::run(
+        self.rows_of("bench", qemu::MACHINE, toolchain, plugin)
+    }
+
+    /// The same of another example and another machine.
+    pub fn rows_of(
+        &self,
+        example: &str,
+        machine: &str,
+        toolchain: &Toolchain,
+        plugin: &Path,
+    ) -> Result<Vec<Row>> {
+        let elf = self.elf(example, toolchain)?;
+        let counts =
+            target_dir().join(format!("counts-{example}-{}{}.txt", self.profile, self.cpu));
+        let printed = qemu::run_on(
+            machine,
             &elf,
             Some(&format!("{},out={}", plugin.display(), counts.display())),
         )?;
@@ -75,7 +88,7 @@ impl Firmware {
 
     /// Name and bytes of the states, as the firmware prints them.
     pub fn ram(&self, toolchain: &Toolchain) -> Result<Vec<(String, u64)>> {
-        let printed = qemu::run(&self.elf(toolchain)?, None)?;
+        let printed = qemu::run(&self.elf("bench", toolchain)?, None)?;
         let mut states = Vec::new();
         for line in printed
             .lines()
@@ -88,12 +101,12 @@ impl Firmware {
     }
 
     /// Builds it.
-    pub fn elf(&self, toolchain: &Toolchain) -> Result<PathBuf> {
+    pub fn elf(&self, example: &str, toolchain: &Toolchain) -> Result<PathBuf> {
         packages::ready(&[QEMU])?;
         Build {
             profile: self.profile,
             cpu: self.cpu,
-            ..Build::plain("bench")
+            ..Build::plain(example)
         }
         .elf(toolchain)
     }
@@ -145,7 +158,7 @@ impl Firmware {
 }
 
 /// `<instructions> <stack bytes>`, as the plugin writes a region.
-fn count(line: &str) -> Result<(u64, u64)> {
+pub fn count(line: &str) -> Result<(u64, u64)> {
     let (instructions, stack) = line.split_once(' ').context("a line of the plugin")?;
     Ok((instructions.parse()?, stack.parse()?))
 }

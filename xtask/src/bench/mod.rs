@@ -2,6 +2,7 @@
 //! by budgets.
 
 mod budgets;
+mod growth;
 mod measure;
 mod table;
 
@@ -10,15 +11,19 @@ use std::process::ExitCode;
 use anyhow::{anyhow, bail, Result};
 
 use measure::Row;
-pub use measure::{Firmware, FIRMWARES};
+pub use measure::{count, plugin, Firmware, FIRMWARES};
 pub use table::{grouped, record};
 
+use crate::qemu;
 use crate::report::Report;
 use crate::toolchain::{self, Toolchain};
 
 /// Measures everything, writes BENCHMARKS.md, compares with the budgets or replaces them.
-pub fn run(json: bool, accept: bool) -> Result<ExitCode> {
+pub fn run(json: bool, accept: bool, growing: bool) -> Result<ExitCode> {
     let toolchain = toolchain::ready()?;
+    if growing {
+        growth::run(&toolchain)?;
+    }
     let rows = all(&toolchain)?;
     if json {
         println!("{}", serde_json::to_string_pretty(&rows)?);

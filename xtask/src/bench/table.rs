@@ -77,16 +77,21 @@ pub fn write(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
 
 /// Replaces the part of BENCHMARKS.md that a command measures.
 pub fn record(command: &str, measured: &str) -> Result<()> {
+    record_in("BENCHMARKS.md", command, measured)
+}
+
+/// The same in another page.
+pub fn record_in(page: &str, command: &str, measured: &str) -> Result<()> {
     let mark = |place| format!("<!-- written by `cargo xtask {command}`: {place} -->\n");
     let (begin, end) = (mark("begin"), mark("end"));
-    let file = shell::root().join("BENCHMARKS.md");
+    let file = shell::root().join(page);
     let old = fs::read_to_string(&file)?;
     let (before, rest) = old
         .split_once(&begin)
-        .context("the first mark in BENCHMARKS.md")?;
+        .with_context(|| format!("the first mark in {page}"))?;
     let (_, after) = rest
         .split_once(&end)
-        .context("the last mark in BENCHMARKS.md")?;
+        .with_context(|| format!("the last mark in {page}"))?;
     let new = format!("{before}{begin}\n{measured}\n\n{end}{after}");
     if new != old {
         fs::write(file, new)?;

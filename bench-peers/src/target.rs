@@ -1,0 +1,92 @@
+//! The firmware's side: counted regions as in navsight's own bench.
+
+use core::fmt::Write;
+
+use cortex_m_rt::entry;
+use cortex_m_semihosting::{debug, hio};
+use embedded_alloc::LlffHeap as Heap;
+use navsight::error::Error;
+
+use crate::scenario::{gravity, sample, Peer, Sample};
+use crate::{each_peer, fusion, kinavis, linear, ours, run};
+
+#[path = "../../examples/firmware/probe.rs"]
+mod probe;
+use probe::{calibration, region};
+
+/// For minikalman's builder, before anything is counted.
+#[global_allocator]
+static HEAP: Heap = Heap::empty();
+
+/// Samples before the counted ones: two updates, so that no filter is at its first.
+const BEFORE: u32 = 205;
+
+fn rows<P: Peer>(out: &mut impl Write) -> core::fmt::Result {
+    let (Some(mut steady), Some(mut between)) = (run::<P>(BEFORE), run::<P>(BEFORE + 4)) else {
+        return writeln!(out, "refused\t{}", P::NAME);
+    };
+    let kind = if P::ALGEBRA_ONLY {
+        "algebra"
+    } else {
+        "navigator"
+    };
+    let bytes = core::mem::size_of::<P>();
+    writeln!(out, "peer\t{}\t{}\t{kind}\t{bytes}", P::NAME, P::SCALAR)?;
+    // a sample that moves no covariance in a filter that gathers, and any sample in one that does not
+    let g = gravity();
+    let mut state = (&mut steady, sample(BEFORE, g));
+    let done = region(&mut state, |(p, s): &mut (&mut P, Sample)| p.predict(s));
+    writeln!(out, "row\t{}\tsample\t{done}", P::NAME)?;
+    let mut state = (&mut between, sample(BEFORE + 4, g));
+    let done = region(&mut state, |(p, s): &mut (&mut P, Sample)| p.predict(s));
+    writeln!(
+        out,
+        "row\t{}\tsample that moves the covariance\t{done}",
+        P::NAME
+    )?;
+    let mut state = (&mut between, BEFORE + 5);
+    let done = region(&mut state, |(p, k): &mut (&mut P, u32)| p.update(*k));
+    writeln!(out, "row\t{}\tupdate\t{done}", P::NAME)
+}
+
+fn all(out: &mut impl Write) -> core::fmt::Result {
+    let _: Result<(), Error> = region(&mut (), |()| Ok(()));
+    writeln!(out, "row\tempty\t\t")?;
+    let _: Result<(), Error> = region(&mut (), calibration);
+    writeln!(out, "row\tcalibration\t\t")?;
+    macro_rules! one {
+        ($peer:ty) => {
+            rows::<$peer>(out)?
+        };
+    }
+    each_peer!(one);
+    Ok(())
+}
+
+#[entry]
+fn main() -> ! {
+    const SIZE: usize = 64 * 1024;
+    static mut ROOM: [u8; SIZE] = [0; SIZE];
+    // SAFETY: done once, before any allocation; nobody else touches the room.
+    unsafe { HEAP.init(&raw mut ROOM as usize, SIZE) };
+    let printed = hio::hstdout().is_ok_and(|mut out| all(&mut out).is_ok());
+    debug::exit(if printed {
+        debug::EXIT_SUCCESS
+    } else {
+        debug::EXIT_FAILURE
+    });
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo) -> ! {
+    if let Ok(mut out) = hio::hstdout() {
+        let _ = core::fmt::write(&mut out, format_args!("{info}\n"));
+    }
+    debug::exit(debug::EXIT_FAILURE);
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
