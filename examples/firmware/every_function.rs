@@ -9,7 +9,9 @@ use navsight::alignment::angle;
 use navsight::alignment::carry::BiasBlock;
 use navsight::alignment::coarse::CoarseAlignment;
 use navsight::alignment::gate;
+use navsight::alignment::heading_source::{self, OutsideHeading};
 use navsight::alignment::in_motion::InMotion;
+use navsight::alignment::levelling::Levelling;
 use navsight::alignment::north_bias::{self, NorthBias};
 use navsight::alignment::planner::{Manoeuvre, Planner, Rules};
 use navsight::alignment::standing::{Plan, StandingAlignment};
@@ -672,6 +674,24 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     let mut standing = StandingAlignment::new(position, plan, prior, settings)?;
     keep(standing.take(&sample()));
     keep(standing.filter().is_some());
+    let mut level = Levelling::new(any(ImuLimits::DEFAULT));
+    level.take(&sample())?;
+    keep((level.time(), level.solve(number())));
+    let vehicle = OutsideHeading::new(number(), number())?;
+    keep((vehicle.sigma(), vehicle.heading(number(), number())));
+    let outside = any(OutsideHeading::of_axis(
+        matrix::<f32, 3, 1>(),
+        number(),
+        number(),
+    ));
+    let earth = heading_source::earth_rate_sigma(number(), number(), number(), number());
+    keep(heading_source::choose(earth, outside.as_ref().ok()));
+    let mut with = StandingAlignment::with_heading(position, plan, prior, settings, outside.ok())?;
+    keep(with.take(&sample()));
+    keep((with.heading_source(), with.level().copied()));
+    with.set_heading(any(vehicle));
+    keep(with.take(&sample()));
+
     let block = any(BiasBlock::of(&filter));
     keep(block.loosened(number(), number()));
     keep(block.start(any(*filter.nav()), &prior, settings));

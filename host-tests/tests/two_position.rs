@@ -95,7 +95,8 @@ fn errors_are_as_large_as_the_filters_say() {
     let seeds = 200;
     for turn in [90.0, 180.0] {
         let (mut cells, mut beyond) = (0, 0);
-        for walk in WALKS {
+        // at 180° one of them is enough for the time it takes
+        for walk in WALKS.into_iter().skip(usize::from(turn == 180.0)) {
             let scenario = Scenario {
                 marks: vec![60.0, 300.0],
                 ..Scenario::peng(turn, walk).consistent()

@@ -43,7 +43,8 @@ pub struct CoarseSolution {
     pub sigma_level: f32,
     /// Mean specific force over normal gravity: 1 for a good sensor at rest.
     pub gravity_ratio: f32,
-    /// Turn of gravity towards the east over the one expected: 1 for a sensor that feels the earth turn.
+    /// Turn of gravity towards the east over the one expected: 1 for a sensor that feels the earth turn; 0 where it was not
+    /// asked for, the heading being from outside.
     pub earth_rate_ratio: f32,
 }
 

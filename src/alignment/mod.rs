@@ -3,6 +3,8 @@
 //! | file | does |
 //! |---|---|
 //! | [`coarse`] | attitude from a window of samples that resists disturbance: level and gyrocompass |
+//! | [`levelling`] | level and gyro bias from plain means, for sensors that cannot feel the earth turn |
+//! | [`heading_source`] | earth rate or a heading from outside: the criterion |
 //! | [`in_motion`] | attitude of a moving vehicle from satellite velocities, heading unknown at the start |
 //! | [`gate`] | holds states that cannot be seen just now (Schmidt update); off unless used |
 //! | [`planner`] | which manoeuvre would help, tried on a copy of the covariance |
@@ -21,7 +23,9 @@ pub mod angle;
 pub mod carry;
 pub mod coarse;
 pub mod gate;
+pub mod heading_source;
 pub mod in_motion;
+pub mod levelling;
 pub mod north_bias;
 pub mod planner;
 pub mod standing;

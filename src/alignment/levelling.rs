@@ -1,0 +1,132 @@
+//! Level from the plain mean of the accelerometers: for sensors that cannot feel the earth turn.
+//!
+//! The inertial-frame window of [`super::coarse`] lets the gyros carry the body along. A gyro bias of 0.5 °/s turns it by
+//! half a degree every second then, and the level with it. A sensor of this kind levels from the mean specific force in
+//! the body itself, which stands still, and learns its gyro bias from the mean rate; heading has to come from outside
+//! ([`super::heading_source`]).
+//!
+//! ```text
+//! up_b = f̄/|f̄|,   pitch = atan2(up_y, √(up_x² + up_z²)),   roll = atan2(−up_x, up_z)
+//! ```
+
+use nalgebra::Vector3;
+
+use crate::error::Error;
+use crate::imu::{ImuIncrement, ImuLimits};
+use crate::linalg::Two;
+
+/// Length of a block, whose means scatter as the level does [s].
+const BLOCK: f32 = 1.0;
+/// Fewest blocks that a level is made from.
+pub const MIN_BLOCKS: u32 = 4;
+
+/// What the window said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Nose up positive [rad].
+    pub pitch: f32,
+    /// Right side down positive [rad].
+    pub roll: f32,
+    /// Standard deviation of both from the scatter of the window [rad], without the accelerometer bias.
+    pub sigma: f32,
+    /// Mean gyro output, body axes [rad/s]: bias and earth rate.
+    pub rate: Vector3<f32>,
+    /// Mean length of the specific force [m/s²].
+    pub force: f32,
+}
+
+/// Gathers samples of a sensor at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Levelling {
+    limits: ImuLimits,
+    delta_theta: [Two; 3],
+    delta_v: [Two; 3],
+    time: Two,
+    /// Of the open block.
+    block_v: Vector3<f32>,
+    block_dt: f32,
+    blocks: u32,
+    /// Mean specific force of the closed blocks, and Σ of the squared distances from it (Welford).
+    mean: Vector3<f32>,
+    square: Vector3<f32>,
+}
+
+impl Levelling {
+    /// A window that begins with the next sample.
+    pub fn new(limits: ImuLimits) -> Self {
+        Self {
+            limits,
+            delta_theta: [Two::of(0.0); 3],
+            delta_v: [Two::of(0.0); 3],
+            time: Two::of(0.0),
+            block_v: Vector3::zeros(),
+            block_dt: 0.0,
+            blocks: 0,
+            mean: Vector3::zeros(),
+            square: Vector3::zeros(),
+        }
+    }
+
+    /// Seconds gathered.
+    pub fn time(&self) -> f32 {
+        self.time.hi
+    }
+
+    /// Takes one sample.
+    ///
+    /// # Errors
+    /// Those of [`ImuIncrement::check`]; the window is then as it was.
+    pub fn take(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
+        imu.check(&self.limits)?;
+        for (to, &x) in self.delta_theta.iter_mut().zip(imu.delta_theta_b.iter()) {
+            to.add(x);
+        }
+        for (to, &x) in self.delta_v.iter_mut().zip(imu.delta_v_b.iter()) {
+            to.add(x);
+        }
+        self.time.add(imu.dt);
+        self.block_v += imu.delta_v_b;
+        self.block_dt += imu.dt;
+        if self.block_dt + 0.5 * imu.dt >= BLOCK {
+            self.blocks = self.blocks.saturating_add(1);
+            let force = self.block_v / self.block_dt;
+            let off = force - self.mean;
+            self.mean += off / self.blocks as f32;
+            self.square += off.component_mul(&(force - self.mean));
+            self.block_v = Vector3::zeros();
+            self.block_dt = 0.0;
+        }
+        Ok(())
+    }
+
+    /// The level, once enough is there.
+    ///
+    /// # Errors
+    /// [`Error::Time`] before [`MIN_BLOCKS`] seconds; [`Error::OutOfRange`] when the mean specific force is not within
+    /// a tenth of `gravity` [m/s²]: not at rest.
+    pub fn solve(&self, gravity: f32) -> Result<Level, Error> {
+        if self.blocks < MIN_BLOCKS {
+            return Err(Error::Time);
+        }
+        let [tx, ty, tz] = &self.delta_theta;
+        let [vx, vy, vz] = &self.delta_v;
+        let time = self.time.hi;
+        let up = Vector3::new(vx.hi, vy.hi, vz.hi) / time;
+        let force = up.norm();
+        if !(0.9..=1.1).contains(&(force / gravity)) {
+            return Err(Error::OutOfRange);
+        }
+        let n = self.blocks as f32;
+        // The larger two of three axes are the level ones, or worse than them.
+        let total = self.square.x + self.square.y + self.square.z;
+        let level = total - self.square.min();
+        let variance = 0.5 * level / (n * (n - 1.0));
+        Ok(Level {
+            pitch: libm::atan2f(up.y, libm::sqrtf(up.x * up.x + up.z * up.z)),
+            roll: libm::atan2f(-up.x, up.z),
+            sigma: libm::sqrtf(variance) / force,
+            rate: Vector3::new(tx.hi, ty.hi, tz.hi) / time,
+            force,
+        })
+    }
+}
