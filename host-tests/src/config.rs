@@ -50,10 +50,11 @@ use navsight::error::Error;
 use navsight::error_model::{BiasModel, NoiseDensity, N};
 use navsight::filter::{Prior, Settings};
 use navsight::imu::ImuLimits;
-use navsight::measurement::ZeroVelocity;
+use navsight::measurement::{Antenna, ZeroVelocity};
 use serde::de::DeserializeOwned;
 use serde::Deserialize;
 
+use crate::flight::Setup;
 use crate::lab::LabError;
 
 /// One degree per hour [rad/s].
@@ -129,6 +130,10 @@ pub struct Sensor {
     pub angle_walk_deg_sqrt_h: f64,
     /// Velocity random walk [µg/√Hz].
     pub velocity_walk_ug_sqrt_hz: f64,
+    /// Random walk of the gyro bias [°/h/√s], for `--in-motion`.
+    pub gyro_bias_walk_deg_h_sqrt_s: f64,
+    /// Random walk of the accelerometer bias [µg/√s], for `--in-motion`.
+    pub accel_bias_walk_ug_sqrt_s: f64,
     /// Correlation time of the gyro bias [h]; none: constant.
     pub gyro_tau_h: Option<f64>,
     /// Correlation time of the accelerometer bias [h]; none: constant.
@@ -167,6 +172,8 @@ impl Sensor {
             accel_bias_ug,
             angle_walk_deg_sqrt_h,
             velocity_walk_ug_sqrt_hz,
+            gyro_bias_walk_deg_h_sqrt_s: 0.0,
+            accel_bias_walk_ug_sqrt_s: 0.0,
             gyro_tau_h: None,
             accel_tau_h: None,
         }
@@ -286,6 +293,12 @@ pub struct Gnss {
     pub height_m: f64,
     /// Velocity, per axis [m/s].
     pub velocity_m_s: f64,
+    /// How old a fix is when its line comes [s].
+    pub latency_s: f64,
+    /// From the IMU to the antenna: right, forward, up [m].
+    pub lever_arm_m: [f64; 3],
+    /// Refused for so long, the filter is reset to the fixes [s].
+    pub lock_out_s: f64,
 }
 
 impl Default for Gnss {
@@ -294,6 +307,9 @@ impl Default for Gnss {
             position_m: 2.0,
             height_m: 4.0,
             velocity_m_s: 0.1,
+            latency_s: 0.0,
+            lever_arm_m: [0.0; 3],
+            lock_out_s: 5.0,
         }
     }
 }
@@ -342,6 +358,32 @@ impl Config {
         };
         settings.check()?;
         Ok(settings)
+    }
+
+    /// How a flight is filtered whose attitude is found in motion.
+    ///
+    /// # Errors
+    /// Those of [`Antenna::new`].
+    pub fn setup(&self) -> Result<Setup, Error> {
+        let (s, g) = (&self.sensor, &self.gnss);
+        let lever = nalgebra::Vector3::from(g.lever_arm_m.map(|x| x as f32));
+        Ok(Setup {
+            gyro_noise: s.angle_walk(),
+            accel_noise: s.velocity_walk(),
+            gyro_walk: s.gyro_bias_walk_deg_h_sqrt_s * DEG_PER_H,
+            accel_walk: s.accel_bias_walk_ug_sqrt_s * MICRO_G,
+            sigma: [g.position_m, g.height_m, g.velocity_m_s].map(|x| x as f32),
+            latency: g.latency_s,
+            antenna: Antenna::new(lever)?,
+            heading: self.prior.heading_deg.max(1.0).to_radians() as f32,
+            start: [
+                self.prior.level_deg.to_radians() as f32,
+                s.gyro_bias() as f32,
+                s.accel_bias() as f32,
+            ],
+            limit: self.filter.gate.map(|g| g as f32),
+            lock_out: g.lock_out_s as f32,
+        })
     }
 
     /// How a standing vehicle is aligned.

@@ -2,7 +2,8 @@
 //!
 //! A standing vehicle is aligned by the library's own [`StandingAlignment`]: coarse window, then zero-velocity
 //! updates. Where fixes (`--gnss`) or rest flags (`--rest`) are given, the filter that the coarse window started goes
-//! on with those.
+//! on with those. With `--in-motion` the vehicle need not stand: its attitude is found from the changes of the satellite
+//! velocities ([`crate::flight`]), heading unknown at the start.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,8 @@ use navsight::alignment::coarse::CoarseSolution;
 use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::filter::{Filter, UpdateReport};
+use navsight::error_model::ATT;
+use navsight::filter::{Filter, Handling, UpdateReport};
 use navsight::imu::ImuIncrement;
 use navsight::measurement::{Position, Velocity, ZeroVelocity};
 
@@ -20,6 +22,7 @@ use super::solution::{angles_deg, turn_deg, Solution};
 use super::states::xi;
 use super::LabError;
 use crate::config::{self, Config};
+use crate::flight::{Flight, Setup, GAP};
 use crate::input::gnss::{self, Fix};
 use crate::input::reference::{self, Attitude};
 use crate::input::rest::{self, Flag};
@@ -57,6 +60,15 @@ pub struct Args {
     /// Height above the ellipsoid [m]; without it, that of the first fix, or 0
     #[arg(long, value_name = "M", allow_hyphen_values = true)]
     height: Option<f64>,
+    /// The vehicle is moving from the start: attitude and heading are found from the velocities of --gnss
+    #[arg(long, requires = "gnss")]
+    in_motion: bool,
+    /// Leave out the fixes of these times [s]; may be given several times
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 2, requires = "gnss")]
+    outage: Vec<f64>,
+    /// How old a fix is when its line comes [s], with --in-motion; instead of gnss.latency_s
+    #[arg(long, value_name = "S", requires = "in_motion")]
+    latency: Option<f64>,
     /// Begin here [s]
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     from: Option<f64>,
@@ -180,6 +192,10 @@ enum Driver {
     Standing(StandingAlignment),
     /// The filter with the aids of this recording.
     Aided(Filter),
+    /// A vehicle in motion, before its first sample.
+    Waiting(Setup),
+    /// A vehicle in motion.
+    Flying(Flight),
 }
 
 struct Replay<'a> {
@@ -192,6 +208,8 @@ struct Replay<'a> {
     next_fix: usize,
     /// Mean distance between fixes [s].
     fix_interval: f32,
+    /// Times without fixes [s].
+    outages: Vec<(f64, f64)>,
     next_attitude: usize,
     /// Since the last zero-velocity update was due: seconds, and whether all of them were at rest.
     waited: f64,
@@ -225,11 +243,32 @@ impl<'a> Replay<'a> {
             }
             _ => 0.0, // unknown
         };
+        let driver = if args.in_motion {
+            if aids.fixes.iter().any(|fix| fix.v_n.is_none()) {
+                return Err(LabError::plain(
+                    "there are no velocities v_e, v_n, v_u to find it from",
+                )
+                .field("--in-motion"));
+            }
+            let setup = config.setup().map_err(impossible)?;
+            Driver::Waiting(Setup {
+                latency: args.latency.unwrap_or(setup.latency),
+                ..setup
+            })
+        } else {
+            Driver::Standing(alignment)
+        };
+        let mut tally = Tally::default();
+        let outages: Vec<(f64, f64)> = args.outage.chunks(2).map(|c| (c[0], c[1])).collect();
+        for (from, to) in &outages {
+            tally.event(&format!("fixes from {from} s to {to} s are left out"));
+        }
         Ok(Self {
             axes: args.axes,
             config,
             aids,
-            driver: Driver::Standing(alignment),
+            driver,
+            outages,
             zero_velocity: plan.zero_velocity,
             coarse: None,
             next_fix: 0,
@@ -238,7 +277,7 @@ impl<'a> Replay<'a> {
             waited: 0.0,
             rested: true,
             turning: false,
-            tally: Tally::default(),
+            tally,
         })
     }
 
@@ -272,6 +311,12 @@ impl<'a> Replay<'a> {
                 self.aid(sample)
                     .map_err(|error| format!("the update was refused: {error:?}"))?;
             }
+            Driver::Waiting(setup) => {
+                let flight = Flight::new(*setup, sample, &self.aids.fixes).map_err(refused)?;
+                self.driver = Driver::Flying(flight);
+                self.fly(sample).map_err(refused)?;
+            }
+            Driver::Flying(_) => self.fly(sample).map_err(refused)?,
         }
         self.compare(sample.t);
         Ok(())
@@ -281,7 +326,57 @@ impl<'a> Replay<'a> {
         match &self.driver {
             Driver::Standing(alignment) => alignment.filter(),
             Driver::Aided(filter) => Some(filter),
+            Driver::Waiting(_) => None,
+            Driver::Flying(flight) => flight.filter(),
         }
+    }
+
+    /// A sample of a vehicle in motion, and the fixes that came with it.
+    fn fly(&mut self, sample: &ImuSample) -> Result<(), Error> {
+        let Driver::Flying(flight) = &mut self.driver else {
+            return Ok(());
+        };
+        let running = flight.filter().is_some();
+        let sample = ImuSample {
+            delta_theta: self.axes.apply(sample.delta_theta),
+            delta_v: self.axes.apply(sample.delta_v),
+            ..*sample
+        };
+        let fixed = flight.take(&sample, &self.aids.fixes, &self.outages)?;
+        if sample.dt > GAP {
+            self.tally.event(&format!(
+                "a gap of {:.0} ms in the samples",
+                1e3 * sample.dt
+            ));
+        }
+        let found = (!running).then(|| flight.filter().cloned()).flatten();
+        if let Some(filter) = found {
+            let sigma = filter.sigma(ATT + 2).map_or(f32::NAN, f32::to_degrees);
+            self.tally.event(&format!(
+                "attitude found in motion, heading to {sigma:.1}°: the filter starts"
+            ));
+            self.tally.watch = Some(Watch::new(&filter, &self.config.required, false)?);
+        }
+        for fix in &fixed {
+            for (aided, name) in [(&fix.position, "position"), (&fix.velocity, "velocity")] {
+                if aided.handling == Handling::Reset {
+                    self.tally.event(&format!("reset to the {name} fixes"));
+                }
+            }
+            let reports = [fix.position.report, fix.velocity.report];
+            self.tally.fix(&reports);
+            if let Some(filter) = self.filter() {
+                let (nav, origin) = (filter.nav(), self.aids.fixes.first());
+                let place = origin.map(|f| Geodetic::from_degrees(f.lat_deg, f.lon_deg, f.height));
+                if let Some(d) = place.and_then(|place| nav.displacement_to(&place).ok()) {
+                    let v = nav.v_n();
+                    self.tally
+                        .moved([-d.x, -d.y, v.x.hypot(v.y)].map(f64::from));
+                }
+            }
+            self.updated(&reports)?;
+        }
+        Ok(())
     }
 
     /// What the alignment of a standing vehicle did with a sample.
@@ -328,6 +423,9 @@ impl<'a> Replay<'a> {
             .filter(|fix| fix.t <= sample.t)
         {
             self.next_fix += 1;
+            if self.outages.iter().any(|(a, b)| (*a..*b).contains(&fix.t)) {
+                continue;
+            }
             let g = &self.config.gnss;
             let (flat, up) = (g.position_m as f32, g.height_m as f32);
             let place = Geodetic::from_degrees(fix.lat_deg, fix.lon_deg, fix.height);
@@ -423,6 +521,9 @@ impl<'a> Replay<'a> {
         }
         let Some(filter) = self.filter() else {
             let need = self.config.coarse.seconds;
+            if matches!(self.driver, Driver::Waiting(_) | Driver::Flying(_)) {
+                return Err("no attitude was found: the velocity hardly changed".into());
+            }
             return Err(format!(
                 "the recording is over before the coarse window of {need} s"
             ));
@@ -430,13 +531,10 @@ impl<'a> Replay<'a> {
         let solution = Solution::of(filter);
         let sigma0 = filter.sigma0().map(f64::from);
         let sigma = std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from));
-        let Some((coarse, coarse_solution)) = self.coarse else {
-            return Err("the coarse window did not end".into());
-        };
         Ok(Outcome {
-            coarse,
-            coarse_solution,
+            coarse: self.coarse,
             solution,
+            outages: self.outages,
             sigma0,
             sigma,
             tally: self.tally,

@@ -15,12 +15,14 @@ use crate::report::{digits, short, Chart, Page, Scale, Series, Table, Tone};
 
 /// What came out.
 pub(super) struct Outcome {
-    pub(super) coarse: CoarseSolution,
-    pub(super) coarse_solution: Solution,
+    /// None for a vehicle whose attitude was found in motion.
+    pub(super) coarse: Option<(CoarseSolution, Solution)>,
     pub(super) solution: Solution,
     pub(super) sigma0: [f64; N],
     pub(super) sigma: [f64; N],
     pub(super) tally: Tally,
+    /// Times without fixes [s].
+    pub(super) outages: Vec<(f64, f64)>,
 }
 
 impl Outcome {
@@ -33,7 +35,7 @@ impl Outcome {
             .map(|(t, what)| json!({ "t_s": t, "event": what }))
             .collect();
         let mut object = json!({
-            "coarse": self.coarse_solution.json(),
+            "coarse": self.coarse.as_ref().map(|(_, solution)| solution.json()),
             "final": self.solution.json(),
             "states": STATES.map(|s| s.name),
             "xi1": self.tally.last.as_ref().map(|l| l.xi1),
@@ -50,12 +52,14 @@ impl Outcome {
             "t_end_s": self.tally.time,
             "samples": self.tally.samples,
         });
-        let window = json!({
-            "sigma_heading_deg": f64::from(self.coarse.sigma_heading).to_degrees(),
-            "gravity_ratio": f64::from(self.coarse.gravity_ratio),
-            "earth_rate_ratio": f64::from(self.coarse.earth_rate_ratio),
-        });
-        if let Some(Value::Object(coarse)) = object.get_mut("coarse") {
+        if let (Some((window, _)), Some(Value::Object(coarse))) =
+            (&self.coarse, object.get_mut("coarse"))
+        {
+            let window = json!({
+                "sigma_heading_deg": f64::from(window.sigma_heading).to_degrees(),
+                "gravity_ratio": f64::from(window.gravity_ratio),
+                "earth_rate_ratio": f64::from(window.earth_rate_ratio),
+            });
             coarse.insert("window".into(), window);
         }
         object
@@ -200,13 +204,79 @@ impl Outcome {
     }
 
     fn solutions(&self) -> Table {
-        table(
-            &format!(
-                "Navigation solution after {} samples, at {:.2} s",
-                self.tally.samples, self.tally.time
-            ),
-            &[("coarse", &self.coarse_solution), ("final", &self.solution)],
-        )
+        let mut columns = Vec::new();
+        if let Some((_, coarse)) = &self.coarse {
+            columns.push(("coarse", coarse));
+        }
+        columns.push(("final", &self.solution));
+        let caption = format!(
+            "Navigation solution after {} samples, at {:.2} s",
+            self.tally.samples, self.tally.time
+        );
+        table(&caption, &columns)
+    }
+
+    /// Where it flew, and the innovations of the fixes between their bounds.
+    fn flight(&self, page: &mut Page) {
+        if self.tally.fixes.snapshots().is_empty() {
+            return;
+        }
+        let (blue, grey) = ("#2563eb", "#94a3b8");
+        let plain = |color, points| Series {
+            label: String::new(),
+            color,
+            width: 2,
+            points,
+        };
+        page.section("Trajectory and speed");
+        let track = plain(blue, self.tally.track.line(|(_, p)| (p[0], p[1])));
+        let speed = plain(blue, self.tally.track.line(|(t, p)| (*t, p[2])));
+        let outage = self.outages.first().map(|(from, to)| *from..*to);
+        let pictures = [
+            Chart {
+                x_label: "east of the first fix [m]".into(),
+                size: (340, 300),
+                ..Chart::new("north [m]", Scale::Linear, vec![track])
+            },
+            Chart {
+                x_label: "time [s]".into(),
+                band: outage.clone(),
+                size: (340, 300),
+                ..Chart::new("speed [m/s]", Scale::Linear, vec![speed])
+            },
+        ];
+        page.figures(
+            2,
+            &pictures.map(|chart| chart.svg()),
+            "Every change of speed and every turn is a manoeuvre; an outage of the fixes is tinted.",
+        );
+        page.section("Innovations of the fixes");
+        let names = [
+            "position east [m]",
+            "position north [m]",
+            "position up [m]",
+            "velocity east [m/s]",
+            "velocity north [m/s]",
+            "velocity up [m/s]",
+        ];
+        let pictures: Vec<String> = names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| {
+                let bound = |k: f64| plain(grey, self.tally.fixes.line(|(t, x)| (*t, k * x[i][1])));
+                let line = plain(blue, self.tally.fixes.line(|(t, x)| (*t, x[i][0])));
+                Chart {
+                    band: outage.clone(),
+                    ..Chart::new(*name, Scale::Linear, vec![bound(3.0), bound(-3.0), line])
+                }
+                .svg()
+            })
+            .collect();
+        page.figures(
+            3,
+            &pictures,
+            "Between ± 3σ of the filter (grey). Over time [s].",
+        );
     }
 
     pub(super) fn page(&self, imu: &Path) -> Page {
@@ -259,6 +329,7 @@ impl Outcome {
             );
         }
         page.figures(3, &pictures, "Over time [s].");
+        self.flight(&mut page);
         page.section("ξ2: variance at the start over variance now");
         let pictures: Vec<String> = STATES
             .iter()

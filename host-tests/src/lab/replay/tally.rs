@@ -15,6 +15,10 @@ pub(super) struct Tally {
     pub(super) compared: Compared,
     pub(super) events: Vec<(f64, String)>,
     pub(super) history: History<Snapshot>,
+    /// Time; east and north of the first fix [m], speed [m/s].
+    pub(super) track: History<(f64, [f64; 3])>,
+    /// Time; innovation and its 1σ of position and velocity, east, north, up.
+    pub(super) fixes: History<(f64, [[f64; 2]; 6])>,
     /// Once the filter runs.
     pub(super) watch: Option<Watch>,
     pub(super) time: f64,
@@ -28,6 +32,24 @@ impl Tally {
         if self.events.len() < MOST {
             self.events.push((self.time, what.to_owned()));
         }
+    }
+
+    /// Both halves of a fix.
+    pub(super) fn fix(&mut self, [position, velocity]: &[UpdateReport<3>; 2]) {
+        let row = |i: usize| {
+            let (report, k) = if i < 3 {
+                (position, i)
+            } else {
+                (velocity, i - 3)
+            };
+            [f64::from(report.nu[k]), f64::from(report.s[k].sqrt())]
+        };
+        self.fixes.push((self.time, std::array::from_fn(row)));
+    }
+
+    /// Where the vehicle is now.
+    pub(super) fn moved(&mut self, place: [f64; 3]) {
+        self.track.push((self.time, place));
     }
 
     /// Innovations of the updates of one instant, of which there is at least one.
