@@ -43,6 +43,9 @@ pub trait Real: nalgebra::RealField + Copy {
     fn wide(self) -> f64;
     /// Square root, correctly rounded; NaN below zero.
     fn root(self) -> Self;
+    /// 1/√x of a normal number above 0 to a few roundings, in a third of the time: for where the error only shortens a
+    /// step, as the angle of a rotation that is followed by others.
+    fn inverse_root_near(self) -> Self;
     /// e^x.
     fn exponential(self) -> Self;
     /// e^x − 1 without the loss near zero.
@@ -76,6 +79,16 @@ impl Real for f32 {
     #[inline(always)]
     fn root(self) -> Self {
         libm::sqrtf(self)
+    }
+    #[inline(always)]
+    fn inverse_root_near(self) -> Self {
+        // Half the exponent, negative: 3.4 % off at most; each step of Newton squares that and takes 3/2 of it.
+        let half = 0.5 * self;
+        let mut y = f32::from_bits(0x5f37_5a86 - (self.to_bits() >> 1));
+        for _ in 0..3 {
+            y *= 1.5 - half * y * y;
+        }
+        y
     }
     #[inline(always)]
     fn exponential(self) -> Self {
@@ -123,6 +136,10 @@ impl Real for f64 {
         libm::sqrt(self)
     }
     #[inline(always)]
+    fn inverse_root_near(self) -> Self {
+        1.0 / libm::sqrt(self)
+    }
+    #[inline(always)]
     fn exponential(self) -> Self {
         libm::exp(self)
     }
@@ -164,6 +181,17 @@ pub fn skew<T: Real>(v: &Vector3<T>) -> Matrix3<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_near_inverse_root_is_near() {
+        let mut x = 1e-37f32;
+        while x < 1e38 {
+            let exact = 1.0 / libm::sqrt(f64::from(x));
+            let off = f64::from(x.inverse_root_near()) / exact - 1.0;
+            assert!(off.abs() < 3e-7, "{x:e}: {off:e}");
+            x *= 1.0137;
+        }
+    }
 
     #[test]
     fn powers_of_two_are_exact_and_stay_normal() {
