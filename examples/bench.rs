@@ -7,6 +7,9 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
+#[path = "firmware/advice.rs"]
+mod advice;
+#[cfg(target_os = "none")]
 mod firmware;
 #[cfg(target_os = "none")]
 #[path = "firmware/probe.rs"]

@@ -25,6 +25,7 @@ use navsight::observability::diagonal::{xi1_riccati_blocks, Xi};
 use navsight::observability::riccati::{DecreaseRate15, Information};
 use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly};
 
+use crate::advice;
 use crate::probe::{calibration, region};
 use crate::ways;
 
@@ -78,6 +79,7 @@ pub fn run(out: &mut HostStream) -> core::fmt::Result {
     navigator(table, &filter, imu)?;
     observability(table, &filter)?;
     ways::run(table)?;
+    advice::run(table, &filter)?;
     kernels::<f32>(table, "f32", &filter, imu)?;
     kernels::<f64>(table, "f64", &filter, imu)?;
 
