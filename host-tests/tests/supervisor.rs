@@ -31,11 +31,11 @@ fn required(level_deg: f32, heading_deg: f32) -> [Option<f32>; N] {
     required
 }
 
-/// An alignment in one position; what the supervisor says after each update, with the time to go.
-fn align(
-    required: &[Option<f32>; N],
-    seconds: f64,
-) -> (Supervisor, Vec<(f64, Status, Option<f32>, f32)>) {
+/// Time, status, time to go and progress after an update.
+type Said = (f64, Status, Option<f32>, f32);
+
+/// An alignment in one position; what the supervisor says after each update.
+fn align(required: &[Option<f32>; N], seconds: f64) -> (Supervisor, Vec<Said>) {
     let (plan, prior, settings) = navigation_grade();
     let at = Geodetic::from_degrees(40.0, 116.0, 50.0);
     let errors = SensorErrors::NAVIGATION.with_biases([0.01, -0.015, 0.01], [60.0, -40.0, 50.0]);

@@ -29,7 +29,7 @@ pub struct NorthBias {
     pub h: Vector3<f32>,
     /// hᵀb_g [rad/s].
     pub value: f32,
-    /// Its variance hᵀPh [rad²/s²].
+    /// Its variance hᵀPh, the unit of `value` squared.
     pub variance: f32,
 }
 

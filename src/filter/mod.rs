@@ -257,7 +257,7 @@ impl Filter {
         let rows = nu.iter_mut().zip(r.iter_mut()).zip(report.nu.iter_mut());
         for ((((nu, r), copy), (&z, &var)), &u) in rows.zip(given).zip(&unit) {
             (*copy, *nu, *r) = (z, z / u, var / (u * u));
-            sum += *nu * 0.0 + *r * 0.0; // NaN where one is not finite
+            sum += (*nu + *r) * 0.0; // NaN where one is not finite
         }
         if !sum.finite() {
             return Err(Error::OutOfRange);

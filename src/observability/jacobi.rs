@@ -18,17 +18,18 @@ pub(super) struct Threshold<T> {
 impl<T: Real> Threshold<T> {
     /// Whether rotating a pair with diagonal x, y and off-diagonal a would change nothing that counts.
     ///
-    /// The rotation would move the values by about a²/|x − y|. It is skipped when that is below 100 ε of the smaller
-    /// one, or when a is rounding by itself (4 ε of the geometric mean). For axes the angle a/|x − y| and the scaled
-    /// cosine a/√(xy) must be below 8192 ε (1e-3 in f32) as well, unless the two values are so close that only their
-    /// plane is told.
+    /// The rotation would move the values by about a²/|x − y|. It is skipped when that is below 400 ε of the smaller
+    /// one (2.4e-5 in f32; all pairs of a row together 3e-4), 100 ε in an indefinite matrix, or when a is rounding by
+    /// itself (4 ε of the geometric mean). For axes the angle a/|x − y| and the scaled cosine a/√(xy) must be below
+    /// 8192 ε (1e-3 in f32) as well, unless the two values are so close that only their plane is told.
     #[inline(always)]
     pub fn negligible(&self, x: T, y: T, a: T) -> bool {
         let square = a * a;
         let (x_size, y_size) = (x.abs() + self.floor, y.abs() + self.floor);
         let small = if x_size < y_size { x_size } else { y_size };
         let gap = (x - y).abs();
-        if square <= T::of(100.0) * T::EPSILON * small * gap {
+        let part = T::of(if self.floor > T::zero() { 100.0 } else { 400.0 });
+        if square <= part * T::EPSILON * small * gap {
             if !self.axes || gap <= T::of(GAP) * small {
                 return true;
             }

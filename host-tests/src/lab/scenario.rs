@@ -364,7 +364,23 @@ mod tests {
     #[test]
     fn without_a_file_it_is_peng() {
         let (ours, paper) = (File::default().scenario(), Scenario::peng(90.0, 0.003));
-        assert_eq!(ours.schedule, paper.schedule);
+        assert_eq!(ours.schedule.at, paper.schedule.at);
+        assert_eq!(ours.schedule.turn, paper.schedule.turn);
+        assert_eq!(
+            ours.schedule.positions.len(),
+            paper.schedule.positions.len()
+        );
+        for (a, b) in ours
+            .schedule
+            .positions
+            .iter()
+            .zip(&paper.schedule.positions)
+        {
+            assert_eq!(a.seconds, b.seconds);
+            // degrees to radians in another order
+            let off = (a.euler - b.euler).amax();
+            assert!(off < 1e-14, "{off:e}");
+        }
         assert_eq!(ours.sensor, paper.sensor);
         assert_eq!(ours.sigma_velocity, paper.sigma_velocity);
         let close =
