@@ -234,7 +234,11 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if all_zero(h[0]) && all_zero(h[1]) && all_zero(h[2]) {
             return false;
         }
-        let [x, y, z] = [0, 1, 2].map(|k: usize| h[k].map(|h| h * unit[k]));
+        let (x, y, z) = (
+            h[0].map(|h| h * unit[0]),
+            h[1].map(|h| h * unit[1]),
+            h[2].map(|h| h * unit[2]),
+        );
         macro_rules! one {
             ($i:literal) => {
                 let p = [

@@ -16,7 +16,7 @@
 //!
 //! Accuracy against an undelayed filter, and the cost of ignoring the delay: `host-tests/tests/late.rs`.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
 use super::history::History;
 use super::source::{Aided, Source};
@@ -126,9 +126,9 @@ impl<const K: usize> LateFilter<K> {
             let mut r = of_then.r;
             if noise.iter().zip(r.iter()).any(|(q, r)| *q > 1e-4 * *r) {
                 self.filter.synchronize();
-                for ((r, &q), h) in r.iter_mut().zip(noise.iter()).zip(rows.row_iter()) {
-                    let h: SMatrix<f32, 1, N> = h.into_owned();
-                    *r = widened(*r, q, self.variance(&h));
+                let each = &rows.transpose().data.0;
+                for ((r, &q), h) in r.iter_mut().zip(noise.iter()).zip(each) {
+                    *r = widened(*r, q, self.variance(h));
                 }
             }
             Linearized {
@@ -194,7 +194,7 @@ impl<const K: usize> LateFilter<K> {
     }
 
     /// h P hᵀ at present.
-    fn variance(&self, h: &SMatrix<f32, 1, N>) -> f32 {
+    fn variance(&self, h: &[f32; N]) -> f32 {
         let (p, sigma0) = (self.filter.covariance(), self.filter.sigma0());
         let mut sum = 0.0;
         for (i, (a, si)) in h.iter().zip(sigma0).enumerate() {
