@@ -24,9 +24,9 @@ pub struct Cell {
     pub runs: u64,
     /// Σ heading error, counter-clockwise as in the papers: estimate minus truth of the yaw [rad].
     pub heading: f64,
-    /// Its squares [rad²].
+    /// Its squares, rad².
     pub heading2: f64,
-    /// The filter's own variance of it [rad²].
+    /// The filter's own variance of it, rad².
     pub variance: f64,
     /// Squares of the gyro bias errors [rad²/s²].
     pub gyro2: [f64; 3],
