@@ -14,10 +14,11 @@
 //!
 //! Source: the inertial-frame method (Titterton & Weston 2004, 10.4.3); fit and its covariance derived here.
 
-use crate::attitude::{c_b_n_scaled, product, rotation_minus_one, Euler};
+use super::inertial::{rotation, InertialFrame};
+use crate::attitude::{rotation_minus_one, Euler};
 use crate::earth::{normal_gravity, omega_ie_n, Geodetic, MAX_LATITUDE};
 use crate::error::Error;
-use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
+use crate::imu::{ImuIncrement, ImuLimits};
 use crate::linalg::Two;
 use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
@@ -61,9 +62,7 @@ pub struct CoarseAlignment {
     lat: f32,
     gravity: f32,
     limits: ImuLimits,
-    corrections: ConingSculling,
-    /// Body to the inertial frame of the first sample.
-    q: [Two; 4],
+    frame: InertialFrame,
     /// ∫ specific force in that frame, less `f_ref`·t so that f32 points keep the micrometres per second.
     v: [Two; 3],
     f_ref: Vector3<f32>,
@@ -88,8 +87,7 @@ impl CoarseAlignment {
             lat,
             gravity: normal_gravity(libm::sinf(lat), position.height as f32),
             limits,
-            corrections: ConingSculling::NEW,
-            q: [Two::of(1.0), Two::of(0.0), Two::of(0.0), Two::of(0.0)],
+            frame: InertialFrame::new(),
             v: [Two::of(0.0); 3],
             f_ref: Vector3::zeros(),
             points: Vec::new(),
@@ -109,22 +107,7 @@ impl CoarseAlignment {
     /// Errors: those of [`ImuIncrement::check`]; the window is then as it was.
     pub fn take(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
         imu.check(&self.limits)?;
-        let motion = self.corrections.correct(imu);
-        self.corrections.remember(imu);
-        let [qw, qx, qy, qz] = &mut self.q;
-        let q = [qw.hi, qx.hi, qy.hi, qz.hi];
-        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&motion.phi_b()));
-        let middle = [
-            q[0] + 0.5 * dw,
-            q[1] + 0.5 * dx,
-            q[2] + 0.5 * dy,
-            q[3] + 0.5 * dz,
-        ];
-        qw.add(dw);
-        qx.add(dx);
-        qy.add(dy);
-        qz.add(dz);
-        let delta_v = rotation(middle) * motion.delta_v_mid;
+        let delta_v = self.frame.take(imu);
         if self.stride == 0 {
             self.f_ref = delta_v / imu.dt;
             // a stride of zero samples would mean that no point is ever due
@@ -228,19 +211,12 @@ impl CoarseAlignment {
         let omega = omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat));
         let late = (self.time.hi / samples) * self.since_point as f32;
         let [w, x, y, z] = rotation_minus_one(&(omega * -(half + late)));
-        let c_b_i = rotation([self.q[0].hi, self.q[1].hi, self.q[2].hi, self.q[3].hi]);
         Ok(CoarseSolution {
-            c_b_n: rotation([1.0 + w, x, y, z]) * c_middle * c_b_i,
+            c_b_n: rotation([1.0 + w, x, y, z]) * c_middle * self.frame.c_b_b0(),
             sigma_heading: (sigma_turn / expected).min(UNKNOWN_HEADING),
             sigma_level,
             gravity_ratio,
             earth_rate_ratio: east_norm / expected,
         })
     }
-}
-
-/// Rotation matrix of a quaternion of nearly unit length.
-fn rotation(q: [f32; 4]) -> Matrix3<f32> {
-    let norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    c_b_n_scaled(q, 2.0 / norm2)
 }

@@ -16,12 +16,13 @@
 //! covariance derived here. Left out: the turn of the level frame with the earth and the vehicle, 15°/h; so windows of up
 //! to two minutes.
 
-use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::attitude::{c_b_n_scaled, product, rotation_minus_one, Enu, Euler};
+use super::inertial::{rotation, InertialFrame};
+use crate::attitude::{rotation_minus_one, Enu, Euler};
 use crate::error::Error;
-use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
+use crate::filter::ring::Ring;
+use crate::imu::{ImuIncrement, ImuLimits};
 use crate::linalg::{skew, Two};
 
 /// Fewest pairs that an attitude is made from.
@@ -62,12 +63,10 @@ pub struct InMotion<const K: usize> {
     gravity: f32,
     /// Shortest time between two velocities that make a pair [s].
     spacing: f32,
-    corrections: ConingSculling,
-    q: [Two; 4],
+    frame: InertialFrame,
     v_b0: [Two; 3],
     time: Two,
-    points: Vec<Point, K>,
-    newest: usize,
+    points: Ring<Point, K>,
     last: Option<(Point, Vector3<f32>)>,
     pairs: u16,
     sum_a: Vector3<f32>,
@@ -98,12 +97,10 @@ impl<const K: usize> InMotion<K> {
             limits,
             gravity,
             spacing,
-            corrections: ConingSculling::NEW,
-            q: [Two::of(1.0), zero, zero, zero],
+            frame: InertialFrame::new(),
             v_b0: [zero; 3],
             time: zero,
-            points: Vec::new(),
-            newest: 0,
+            points: Ring::new(),
             last: None,
             pairs: 0,
             sum_a: Vector3::zeros(),
@@ -130,42 +127,13 @@ impl<const K: usize> InMotion<K> {
     /// Those of [`ImuIncrement::check`]; nothing has changed then.
     pub fn take(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
         imu.check(&self.limits)?;
-        let motion = self.corrections.correct(imu);
-        self.corrections.remember(imu);
-        let [qw, qx, qy, qz] = &mut self.q;
-        let q = [qw.hi, qx.hi, qy.hi, qz.hi];
-        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&motion.phi_b()));
-        let half = [
-            q[0] + 0.5 * dw,
-            q[1] + 0.5 * dx,
-            q[2] + 0.5 * dy,
-            q[3] + 0.5 * dz,
-        ];
-        qw.add(dw);
-        qx.add(dx);
-        qy.add(dy);
-        qz.add(dz);
-        let delta_v = rotation(half) * motion.delta_v_mid;
+        let delta_v = self.frame.take(imu);
         let [vx, vy, vz] = &mut self.v_b0;
         vx.add(delta_v.x);
         vy.add(delta_v.y);
         vz.add(delta_v.z);
         self.time.add(imu.dt);
-        let point = self.now();
-        let next = if self.newest + 1 < K {
-            self.newest + 1
-        } else {
-            0
-        };
-        match self.points.push(point) {
-            Ok(()) => self.newest = self.points.len() - 1,
-            Err(point) => {
-                if let Some(oldest) = self.points.get_mut(next) {
-                    *oldest = point;
-                    self.newest = next;
-                }
-            }
-        }
+        self.points.keep(self.now());
         Ok(())
     }
 
@@ -219,14 +187,8 @@ impl<const K: usize> InMotion<K> {
                 Err(Error::Time)
             };
         }
-        let len = self.points.len();
-        for age in 0..len {
-            let index = if age <= self.newest {
-                self.newest - age
-            } else {
-                self.newest + len - age
-            };
-            let Some(point) = self.points.get(index) else {
+        for age in 0..K {
+            let Some(point) = self.points.back(age) else {
                 break;
             };
             if point.time <= time {
@@ -294,9 +256,8 @@ impl<const K: usize> InMotion<K> {
             .map(|x| libm::sqrtf(var * x).min(super::coarse::UNKNOWN_HEADING));
         let now = self.now();
         let age = (now.time - point.time).max(0.0) as f32;
-        let [w, x, y, z] = self.q;
         Ok(InMotionSolution {
-            c_b_n: c * rotation([w.hi, x.hi, y.hi, z.hi]),
+            c_b_n: c * self.frame.c_b_b0(),
             sigma,
             delta_v_n: c * (now.v_b0 - point.v_b0) - Vector3::new(0.0, 0.0, self.gravity * age),
             age,
@@ -346,10 +307,4 @@ fn shortest_narrow(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
 fn turn(phi: &Vector3<f32>) -> Matrix3<f32> {
     let [w, x, y, z] = rotation_minus_one(phi);
     rotation([1.0 + w, x, y, z])
-}
-
-/// Rotation matrix of a quaternion of nearly unit length.
-fn rotation(q: [f32; 4]) -> Matrix3<f32> {
-    let norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    c_b_n_scaled(q, 2.0 / norm2)
 }

@@ -25,6 +25,7 @@ pub mod coarse;
 pub mod gate;
 pub mod heading_source;
 pub mod in_motion;
+mod inertial;
 pub mod levelling;
 pub mod north_bias;
 pub mod planner;

@@ -224,7 +224,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
 
 impl<T: Real, const N: usize> Lines<'_, T, N> {
     /// Everything that can be refused without looking at P.
-    fn check(&self) -> Result<(), Error> {
+    pub(super) fn check(&self) -> Result<(), Error> {
         let finite = |x: &[T]| x.iter().all(|x| x.finite());
         let gate = self.gate.unwrap_or_else(T::zero);
         let rows = self.nu.len();
@@ -245,7 +245,7 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
     }
 
     /// h, ν and r of row m. The sign of a direct row is turned, and that of its innovation with it: nothing changes.
-    fn row(&self, m: usize) -> ([T; N], T, T) {
+    pub(super) fn row(&self, m: usize) -> ([T; N], T, T) {
         let mut row = [T::zero(); N];
         let get = |x: &[T]| x.get(m).copied().unwrap_or_else(T::zero);
         let (nu, r) = (get(self.nu), get(self.r));
@@ -268,7 +268,7 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
 }
 
 /// hᵀ c
-fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N]) -> Pair<T> {
+pub(super) fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N]) -> Pair<T> {
     let mut sum = Pair::zero();
     for (h, c) in h.iter().zip(c) {
         if *h != T::zero() {

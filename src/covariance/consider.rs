@@ -11,64 +11,18 @@
 //!
 //! In double words and loops throughout: it is meant for a filter whose gate is closed, not for the fast path.
 
+use super::careful::inner;
 use super::packed::{at, Covariance};
-use super::update::{Gate, Lines, Observation, Pattern, Rows, Slots, Update};
+use super::update::{Gate, Lines, Slots};
 use crate::error::Error;
 use crate::linalg::{Pair, Real};
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
-    /// As [`Covariance::update_if`], but the states of which a bit is set in `considered` are not moved: their δx and
-    /// their decrease are 0, and their variances and the covariances among them stay as they are.
-    ///
-    /// # Errors
-    /// Those of [`Covariance::update_if`], the covariance then bit-identical.
-    pub fn update_considering<const M: usize>(
-        &mut self,
-        rows: &Rows<T, M, N>,
-        considered: u32,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<Update<T, M, N>, Error> {
-        let mut out = Update {
-            nu: rows.nu,
-            s: rows.r,
-            nis: T::zero(),
-            row_nis: rows.r,
-            accepted: [false; M],
-            dx: [T::zero(); N],
-            decrease: [T::zero(); N],
-            p_before: [T::zero(); N],
-            p_after: [T::zero(); N],
-        };
-        let lines = Lines {
-            nu: &rows.nu,
-            r: &rows.r,
-            gate: rows.gate,
-            h: match &rows.h {
-                Observation::Direct { first } => Pattern::Direct { first: *first },
-                Observation::Dense(h) => Pattern::Dense {
-                    h,
-                    unit: &[T::one(); N],
-                },
-            },
-        };
-        let mut slots = Slots {
-            s: &mut out.s,
-            nis: &mut out.nis,
-            row_nis: &mut out.row_nis,
-            accepted: &mut out.accepted,
-            dx: &mut out.dx,
-            decrease: &mut out.decrease,
-            p_before: &mut out.p_before,
-            p_after: &mut out.p_after,
-        };
-        self.consider_into(&lines, considered, &mut slots, accept)?;
-        Ok(out)
-    }
-
-    /// The same with its outcome written where the caller has room for it; after an error there may be anything.
+    /// [`Covariance::update_considering`], with its outcome written where the caller has room for it; after an error there
+    /// may be anything.
     #[cold]
     #[inline(never)]
-    pub(crate) fn consider_into<const M: usize>(
+    pub(super) fn consider<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M, N>,
         considered: u32,
@@ -76,29 +30,26 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         const { Self::SIZE };
-        check(rows)?;
+        let scaled = rows.scaled();
+        let lines = rows.plain(&scaled);
+        lines.check()?;
         let held = |i: usize| i < 32 && considered >> i & 1 != 0;
         let mut work = *self;
         *out.p_before = self.diagonal();
         (*out.dx, *out.decrease) = ([T::zero(); N], [T::zero(); N]);
         *out.nis = T::zero();
-        for (m, (((nu, r), (s_alone, row_nis)), accepted)) in rows
-            .nu
-            .iter()
-            .zip(rows.r)
-            .zip(out.s.iter_mut().zip(out.row_nis.iter_mut()))
-            .zip(out.accepted.iter_mut())
-            .enumerate()
+        let outcome = out.s.iter_mut().zip(out.row_nis.iter_mut());
+        for (m, ((s_alone, row_nis), accepted)) in outcome.zip(out.accepted.iter_mut()).enumerate()
         {
-            let h = row(&rows.h, m);
-            let alone = inner(&h, &self.times(&h)).hi + *r;
+            let (h, nu, r) = lines.row(m);
+            let alone = inner(&h, &self.times(&h)).hi + r;
             let c = work.times(&h);
-            let s = inner(&h, &c).add(Pair::of(*r));
+            let s = inner(&h, &c).add(Pair::of(r));
             if !(s.hi > T::zero() && s.hi.finite() && alone.finite()) {
                 return Err(Error::InnovationVariance { row: m as u8 });
             }
             let inverse = s.reciprocal();
-            let mut e = *nu;
+            let mut e = nu;
             for (h, x) in h.iter().zip(out.dx.iter()) {
                 e -= *h * *x;
             }
@@ -159,57 +110,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     }
 }
 
-/// Row m, written out.
-fn row<T: Real, const M: usize, const N: usize>(h: &Pattern<'_, T, M, N>, m: usize) -> [T; N] {
-    let mut row = [T::zero(); N];
-    match h {
-        Pattern::Direct { first } => {
-            if let Some(x) = row.get_mut(first + m) {
-                *x = -T::one();
-            }
-        }
-        Pattern::Dense { h, unit } => {
-            let columns = h.as_slice().chunks_exact(M.max(1));
-            for ((x, column), unit) in row.iter_mut().zip(columns).zip(unit.iter()) {
-                *x = column.get(m).copied().unwrap_or_else(T::zero) * *unit;
-            }
-        }
-    }
-    row
-}
-
-/// Everything that can be refused without looking at P.
-fn check<T: Real, const M: usize, const N: usize>(rows: &Lines<'_, T, M, N>) -> Result<(), Error> {
-    let finite = |x: &[T]| x.iter().all(|x| x.finite());
-    let gate = rows.gate.unwrap_or_else(T::zero);
-    let h = match rows.h {
-        Pattern::Dense { h, unit } => finite(h.as_slice()) && finite(unit),
-        Pattern::Direct { first } if first > N || M > N - first => return Err(Error::OutOfRange),
-        Pattern::Direct { .. } => true,
-    };
-    if !(h && finite(rows.nu) && finite(rows.r) && gate.finite()) {
-        return Err(Error::NonFinite);
-    }
-    if gate < T::zero() || rows.r.iter().any(|r| *r <= T::zero()) {
-        return Err(Error::OutOfRange);
-    }
-    Ok(())
-}
-
-/// hᵀ c
-fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N]) -> Pair<T> {
-    let mut sum = Pair::zero();
-    for (h, c) in h.iter().zip(c) {
-        if *h != T::zero() {
-            sum = sum.add(c.mul(Pair::of(*h)));
-        }
-    }
-    sum
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::covariance::{Observation, Rows};
     use nalgebra::{Matrix3, SMatrix, Vector3};
 
     fn p0() -> Matrix3<f64> {
@@ -245,9 +149,7 @@ mod tests {
                 r,
                 gate: None,
             };
-            let update = p
-                .update_considering(&rows, considered, &mut |_| Ok(()))
-                .unwrap();
+            let update = p.update_considering(&rows, considered, |_| Ok(())).unwrap();
             assert!((p.to_matrix() - dense).amax() < 1e-15, "{considered:b}");
             assert!((Vector3::from(update.dx) - dx).amax() < 1e-15);
             for i in 0..3 {
@@ -272,7 +174,7 @@ mod tests {
             gate: None,
         };
         let mut with = |rows, accept: Result<(), Error>| {
-            p.update_considering(&rows, 1, &mut |_| accept).map(|_| ())
+            p.update_considering(&rows, 1, |_| accept).map(|_| ())
         };
         assert_eq!(with(rows(f64::NAN, 1.0), Ok(())), Err(Error::NonFinite));
         assert_eq!(with(rows(1.0, 0.0), Ok(())), Err(Error::OutOfRange));

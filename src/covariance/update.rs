@@ -64,6 +64,35 @@ pub(crate) struct Lines<'a, T, const M: usize, const N: usize> {
     pub h: Pattern<'a, T, M, N>,
 }
 
+impl<T: Real, const M: usize, const N: usize> Lines<'_, T, M, N> {
+    /// H with the units of the states in it; zero for direct rows.
+    pub(super) fn scaled(&self) -> SMatrix<T, M, N> {
+        match self.h {
+            Pattern::Direct { .. } => SMatrix::repeat(T::zero()),
+            Pattern::Dense { h, unit } => {
+                let mut h = *h;
+                for (mut h, u) in h.column_iter_mut().zip(unit) {
+                    h *= *u;
+                }
+                h
+            }
+        }
+    }
+
+    /// The rows without their number in the type. `scaled`: [`Lines::scaled`].
+    pub(super) fn plain<'b>(&'b self, scaled: &'b SMatrix<T, M, N>) -> careful::Lines<'b, T, N> {
+        careful::Lines {
+            nu: self.nu,
+            r: self.r,
+            gate: self.gate,
+            h: match self.h {
+                Pattern::Direct { first } => careful::Pattern::Direct { first },
+                Pattern::Dense { .. } => careful::Pattern::Dense(scaled.as_slice()),
+            },
+        }
+    }
+}
+
 /// [`Observation`], borrowed.
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern<'a, T, const M: usize, const N: usize> {
@@ -118,6 +147,21 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     pub fn update_if<const M: usize>(
         &mut self,
         rows: &Rows<T, M, N>,
+        accept: impl FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<Update<T, M, N>, Error> {
+        self.update_considering(rows, 0, accept)
+    }
+
+    /// As [`Covariance::update_if`], but the states of which a bit is set in `considered` are not moved: their δx and
+    /// their decrease are 0, and their variances and the covariances among them stay as they are (Schmidt).
+    ///
+    /// # Errors
+    /// Those of [`Covariance::update_if`], the covariance then bit-identical.
+    #[inline(always)]
+    pub fn update_considering<const M: usize>(
+        &mut self,
+        rows: &Rows<T, M, N>,
+        considered: u32,
         mut accept: impl FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<Update<T, M, N>, Error> {
         let one = [T::one(); N];
@@ -152,7 +196,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             p_before: &mut out.p_before,
             p_after: &mut out.p_after,
         };
-        self.update_into(&lines, &mut slots, &mut accept)?;
+        self.update_into(&lines, considered, &mut slots, &mut accept)?;
         Ok(out)
     }
 
@@ -161,11 +205,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     pub(crate) fn update_into<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M, N>,
+        considered: u32,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         const { Self::SIZE };
         const { assert!(M > 0, "an update has rows") };
+        if considered != 0 {
+            return self.consider(rows, considered, out, accept);
+        }
         if self.update_swiftly(rows, out, accept)? {
             return Ok(());
         }
@@ -181,25 +229,8 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let scaled = match rows.h {
-            Pattern::Direct { .. } => SMatrix::repeat(T::zero()),
-            Pattern::Dense { h, unit } => {
-                let mut h = *h;
-                for (mut h, u) in h.column_iter_mut().zip(unit) {
-                    h *= *u;
-                }
-                h
-            }
-        };
-        let lines = careful::Lines {
-            nu: rows.nu,
-            r: rows.r,
-            gate: rows.gate,
-            h: match rows.h {
-                Pattern::Direct { first } => careful::Pattern::Direct { first },
-                Pattern::Dense { .. } => careful::Pattern::Dense(scaled.as_slice()),
-            },
-        };
+        let scaled = rows.scaled();
+        let lines = rows.plain(&scaled);
         let mut outcome = Outcome {
             s: out.s,
             nis: out.nis,

@@ -1,9 +1,9 @@
 //! What the navigator was a little while ago.
 
-use heapless::Vec;
 use nalgebra::{SVector, Vector3};
 
 use super::past::{undo, Back};
+use super::ring::Ring;
 use crate::attitude::product;
 use crate::error::Error;
 use crate::error_model::{Interval, ATT, N, POS, VEL};
@@ -25,10 +25,7 @@ struct Entry {
 /// The last K states, `spacing` seconds apart; about 290 bytes each. K = 0: none.
 #[derive(Clone, Debug)]
 pub(super) struct History<const K: usize> {
-    /// A ring once it is full.
-    entries: Vec<Entry, K>,
-    /// Index of the newest entry.
-    newest: usize,
+    entries: Ring<Entry, K>,
     /// Since the newest entry.
     pending: Interval<f32>,
     spacing: f32,
@@ -37,8 +34,7 @@ pub(super) struct History<const K: usize> {
 impl<const K: usize> History<K> {
     pub fn new(nav: &NavState, time: f64, spacing: f32) -> Self {
         let mut history = Self {
-            entries: Vec::new(),
-            newest: 0,
+            entries: Ring::new(),
             pending: Interval::empty(),
             spacing,
         };
@@ -58,47 +54,19 @@ impl<const K: usize> History<K> {
     }
 
     fn keep(&mut self, nav: &NavState, time: f64) {
-        let entry = Entry {
+        self.entries.keep(Entry {
             time,
             nav: *nav,
             segment: self.pending,
             dx: SVector::zeros(),
-        };
+        });
         self.pending = Interval::empty();
-        let next = if self.newest + 1 < K {
-            self.newest + 1
-        } else {
-            0
-        };
-        match self.entries.push(entry) {
-            Ok(()) => self.newest = self.entries.len() - 1,
-            Err(entry) => {
-                if let Some(oldest) = self.entries.get_mut(next) {
-                    *oldest = entry;
-                    self.newest = next;
-                }
-            }
-        }
-    }
-
-    /// The entry `age` places before the newest.
-    fn entry(&self, age: usize) -> Option<&Entry> {
-        let len = self.entries.len();
-        if age >= len {
-            return None;
-        }
-        let index = if age <= self.newest {
-            self.newest - age
-        } else {
-            self.newest + len - age
-        };
-        self.entries.get(index)
     }
 
     /// Remembers that the present state was corrected by `dx`.
     pub fn corrected(&mut self, dx: &SVector<f32, N>) {
         let then = undo(&self.pending, dx);
-        if let Some(newest) = self.entries.get_mut(self.newest) {
+        if let Some(newest) = self.entries.newest_mut() {
             newest.dx += then;
         }
     }
@@ -113,7 +81,7 @@ impl<const K: usize> History<K> {
         let mut dx = SVector::<f32, N>::zeros();
         let (mut state, mut end, mut segment) = (nav, now, &self.pending);
         for age in 0..=K {
-            let Some(before) = self.entry(age) else {
+            let Some(before) = self.entries.back(age) else {
                 return Err(Error::Late);
             };
             if time >= before.time && segment.dt > 0.0 {

@@ -18,6 +18,7 @@ mod history;
 pub mod late;
 mod past;
 mod report;
+pub(crate) mod ring;
 mod settings;
 mod source;
 
@@ -287,14 +288,9 @@ impl Filter {
         };
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
         let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
-        if self.considered == 0 {
-            self.covariance
-                .update_into(&lines, &mut slots, &mut accept)?;
-        } else {
-            let considered = u32::from(self.considered);
-            self.covariance
-                .consider_into(&lines, considered, &mut slots, &mut accept)?;
-        }
+        let considered = u32::from(self.considered);
+        self.covariance
+            .update_into(&lines, considered, &mut slots, &mut accept)?;
         for (s, &u) in report.s.iter_mut().zip(&unit) {
             *s *= u * u;
         }
