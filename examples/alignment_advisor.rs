@@ -23,6 +23,10 @@ use navsight::measurement::ZeroVelocity;
 use navsight::nav::NavState;
 use navsight::observability::verdict::{Limits, Verdict};
 
+#[path = "shared/stop.rs"]
+mod stop;
+use stop::{said, Stop};
+
 /// Samples per second.
 const RATE: u16 = 10;
 /// The longest that anybody waits [s].
@@ -31,29 +35,8 @@ const HEADING: usize = ATT + 2;
 const RAD: f32 = core::f32::consts::PI / 180.0;
 
 fn run(out: &mut impl Write) -> core::fmt::Result {
-    match advise(out) {
-        Ok(()) => Ok(()),
-        Err(Stop::Output) => Err(core::fmt::Error),
-        Err(Stop::Refused(error)) => writeln!(out, "the filter refused: {error:?}"),
-    }
-}
-
-/// Why it ended early.
-enum Stop {
-    Output,
-    Refused(Error),
-}
-
-impl From<core::fmt::Error> for Stop {
-    fn from(_: core::fmt::Error) -> Self {
-        Self::Output
-    }
-}
-
-impl From<Error> for Stop {
-    fn from(error: Error) -> Self {
-        Self::Refused(error)
-    }
+    let outcome = advise(out);
+    said(out, outcome)
 }
 
 fn advise(out: &mut impl Write) -> Result<(), Stop> {

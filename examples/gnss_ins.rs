@@ -21,6 +21,10 @@ use navsight::measurement::{Antenna, Position, PositionVelocity, Velocity};
 use navsight::nav::NavState;
 use navsight::observability::diagonal::Xi;
 
+#[path = "shared/stop.rs"]
+mod stop;
+use stop::{said, Stop};
+
 /// Samples per second.
 const RATE: u16 = 10;
 /// Fixes are this many samples old.
@@ -39,29 +43,8 @@ const RAD: f32 = core::f32::consts::PI / 180.0;
 const LEVER: [f32; 3] = [0.36, 0.8, 0.48];
 
 fn run(out: &mut impl core::fmt::Write) -> core::fmt::Result {
-    match fly(out) {
-        Ok(()) => Ok(()),
-        Err(Stop::Output) => Err(core::fmt::Error),
-        Err(Stop::Refused(error)) => writeln!(out, "the filter refused: {error:?}"),
-    }
-}
-
-/// Why the flight ended early.
-enum Stop {
-    Output,
-    Refused(Error),
-}
-
-impl From<core::fmt::Error> for Stop {
-    fn from(_: core::fmt::Error) -> Self {
-        Self::Output
-    }
-}
-
-impl From<Error> for Stop {
-    fn from(error: Error) -> Self {
-        Self::Refused(error)
-    }
+    let outcome = fly(out);
+    said(out, outcome)
 }
 
 /// The truth: a vehicle that stays level and points where it goes.

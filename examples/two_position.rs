@@ -24,6 +24,10 @@ use navsight::observability::spectrum::{
     self, Directions, Progress, Spectrum15, ValuesOnly, SLICE,
 };
 
+#[path = "shared/stop.rs"]
+mod stop;
+use stop::{said, Stop};
+
 /// Samples per second.
 const RATE: u16 = 10;
 /// The turn: start and end [s], half round.
@@ -40,29 +44,8 @@ const NAMES: [&str; 15] = [
 ];
 
 fn run(out: &mut impl core::fmt::Write) -> core::fmt::Result {
-    match align(out) {
-        Ok(()) => Ok(()),
-        Err(Stop::Output) => Err(core::fmt::Error),
-        Err(Stop::Refused(error)) => writeln!(out, "the filter refused: {error:?}"),
-    }
-}
-
-/// Why the alignment ended early.
-enum Stop {
-    Output,
-    Refused(Error),
-}
-
-impl From<core::fmt::Error> for Stop {
-    fn from(_: core::fmt::Error) -> Self {
-        Self::Output
-    }
-}
-
-impl From<Error> for Stop {
-    fn from(error: Error) -> Self {
-        Self::Refused(error)
-    }
+    let outcome = align(out);
+    said(out, outcome)
 }
 
 fn align(out: &mut impl core::fmt::Write) -> Result<(), Stop> {
