@@ -5,14 +5,13 @@
 //! from their densities.
 
 use host_tests::sim::{
-    ClimbingTurns, Sensor, SensorErrors, Simulator, Static, Trajectory, Truth, Turn, DEG,
+    error_state, ClimbingTurns, Sensor, SensorErrors, Simulator, Static, Trajectory, Turn, DEG,
 };
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 use navsight::attitude::RfuToEnu;
 use navsight::earth::Geodetic;
-use navsight::error_model::{BiasModel, NoiseDensity, ATT, BA, BG, N, POS, VEL};
-use navsight::filter::{Filter, Prior, Settings};
-use navsight::imu::ImuLimits;
+use navsight::error_model::{ATT, BA, BG, POS, VEL};
+use navsight::filter::{Filter, Prior};
 use navsight::measurement::{Position, Velocity};
 use navsight::nav::NavState;
 
@@ -57,38 +56,6 @@ fn band(n: f64, z: f64) -> (f64, f64) {
     (at(-z), at(z))
 }
 
-/// δx of the filter: estimate minus truth, with the psi angle against the frame at the estimated position.
-fn error(filter: &Filter, truth: &Truth, errors: &SensorErrors) -> SVector<f64, N> {
-    let nav = filter.nav();
-    let local = nav.local();
-    let there = Geodetic {
-        lat: truth.lat,
-        lon: truth.lon,
-        height: truth.height,
-    };
-    let delta_r = -nav.displacement_to(&there).unwrap().cast::<f64>();
-    let delta_theta = Vector3::new(
-        -delta_r.y * f64::from(local.inv_r_m),
-        delta_r.x * f64::from(local.inv_r_n),
-        delta_r.x * f64::from(local.inv_r_n * local.tan_lat),
-    );
-    let v_c = truth.v_n - delta_theta.cross(&truth.v_n);
-    let c_hat: Matrix3<f64> = nav.c_b_n().cast();
-    let m = c_hat * truth.q.to_rotation_matrix().matrix().transpose(); // I − [φ×]
-    let phi = Vector3::new(m.m23 - m.m32, m.m31 - m.m13, m.m12 - m.m21) * 0.5;
-    let mut dx = SVector::<f64, N>::zeros();
-    dx.fixed_view_mut::<3, 1>(POS, 0).copy_from(&delta_r);
-    dx.fixed_view_mut::<3, 1>(VEL, 0)
-        .copy_from(&(nav.v_n().cast::<f64>() - v_c));
-    dx.fixed_view_mut::<3, 1>(ATT, 0)
-        .copy_from(&(phi - delta_theta));
-    dx.fixed_view_mut::<3, 1>(BG, 0)
-        .copy_from(&(errors.gyro_bias - nav.b_g().cast()));
-    dx.fixed_view_mut::<3, 1>(BA, 0)
-        .copy_from(&(errors.accel_bias - nav.b_a().cast()));
-    dx
-}
-
 fn run<T: Trajectory + Copy>(scenario: &Scenario<T>, seeds: u64) -> Sums {
     let Scenario { prior, noise, .. } = scenario;
     let draw = |sensor: &mut Sensor, sigma: &[f32; 3]| {
@@ -118,13 +85,7 @@ fn run<T: Trajectory + Copy>(scenario: &Scenario<T>, seeds: u64) -> Sums {
             height: truth.height + dr.z,
         };
         let attitude = RfuToEnu([q.w, q.i, q.j, q.k].map(|x| x as f32));
-        let settings = Settings {
-            limits: ImuLimits::DEFAULT,
-            noise: NoiseDensity::from_random_walks(noise.vrw as f32, noise.arw as f32),
-            bias: BiasModel::constant(),
-            propagation_interval: 0.1,
-            gate: None,
-        };
+        let settings = noise.settings();
         let mut filter = Filter::new(
             NavState::new(at, v.cast::<f32>(), attitude).unwrap(),
             prior,
@@ -159,7 +120,8 @@ fn run<T: Trajectory + Copy>(scenario: &Scenario<T>, seeds: u64) -> Sums {
                 }
             }
             if let Some(k) = scenario.times.iter().position(|&t| t == second) {
-                let e = error(&filter, &truth, &sensor.errors);
+                let e = SVector::from(error_state(&filter, &truth, &sensor.errors));
+                assert!(e.iter().all(|x| x.is_finite()), "{e}");
                 let p = filter.covariance().to_matrix().cast::<f64>();
                 for (g, (_, first)) in GROUPS.iter().enumerate() {
                     let s = Vector3::from_fn(|i, _| f64::from(filter.sigma0()[first + i]));

@@ -8,9 +8,8 @@ use navsight::alignment::gate::{Gate, Plan};
 use navsight::attitude::Euler;
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::{BiasModel, NoiseDensity, BA};
-use navsight::filter::{Filter, Prior, Settings};
-use navsight::imu::ImuLimits;
+use navsight::error_model::BA;
+use navsight::filter::{Filter, Prior};
 use navsight::measurement::Velocity;
 use navsight::nav::NavState;
 
@@ -75,13 +74,7 @@ fn run(gated: bool, seed: u64) -> Run {
         gyro_bias: [3e-5; 3],
         accel_bias: [sigma_a; 3],
     };
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(errors.vrw as f32, errors.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
+    let settings = errors.settings();
     let start = Hover::still();
     let euler = Euler {
         heading: (start.euler.x + 0.003) as f32,

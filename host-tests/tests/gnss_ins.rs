@@ -9,9 +9,8 @@ use host_tests::sim::{
 use nalgebra::{SVector, UnitQuaternion, Vector3};
 use navsight::attitude::RfuToEnu;
 use navsight::earth::Geodetic;
-use navsight::error_model::{BiasModel, NoiseDensity, ATT, BG, N};
-use navsight::filter::{Filter, Gate, LateFilter, Prior, Settings, Source};
-use navsight::imu::ImuLimits;
+use navsight::error_model::{ATT, BG, N};
+use navsight::filter::{Filter, Gate, LateFilter, Prior, Source};
 use navsight::measurement::{Antenna, Position, PositionVelocity, Velocity};
 use navsight::nav::NavState;
 use rayon::prelude::*;
@@ -143,13 +142,7 @@ fn fly(grade: &Grade, case: Case, seed: u64) -> Vec<Epoch> {
         RfuToEnu([q.w, q.i, q.j, q.k].map(|x| x as f32)),
     )
     .unwrap();
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(noise.vrw as f32, noise.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
+    let settings = noise.settings();
     let filter = Filter::new(nav, prior, settings).unwrap();
     let mut filter = LateFilter::<16>::new(filter, 0.03).unwrap();
     let mut source = Source::new(Gate::OPEN).unwrap();

@@ -5,9 +5,8 @@ use host_tests::sim::{Patrol, Sensor, SensorErrors, Simulator, DEG};
 use nalgebra::Vector3;
 use navsight::attitude::RfuToEnu;
 use navsight::earth::Geodetic;
-use navsight::error_model::{BiasModel, NoiseDensity, ATT, BA, BG, N, POS, VEL};
-use navsight::filter::{Filter, Prior, Settings, UpdateReport};
-use navsight::imu::ImuLimits;
+use navsight::error_model::{ATT, BA, BG, N, POS, VEL};
+use navsight::filter::{Filter, Prior, UpdateReport};
 use navsight::measurement::{Position, Velocity};
 use navsight::nav::NavState;
 use navsight::observability::diagonal::{xi1, Xi};
@@ -49,13 +48,7 @@ fn fly(with_velocity: bool, turn_deg: f64) -> Vec<Second> {
         accel_bias: [0.03; 3],
     };
     let noise = SensorErrors::TACTICAL;
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(noise.vrw as f32, noise.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
+    let settings = noise.settings();
     let mut filter = Filter::new(nav, &prior, settings).unwrap();
     let mut required = [None; N];
     required[ATT + 2] = Some(0.5 * rad);

@@ -6,9 +6,8 @@ use nalgebra::{SVector, Vector3};
 use navsight::attitude::RfuToEnu;
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::{BiasModel, NoiseDensity, N, POS};
-use navsight::filter::{Filter, Gate, Handling, LateFilter, Prior, Settings, Source, States};
-use navsight::imu::ImuLimits;
+use navsight::error_model::{N, POS};
+use navsight::filter::{Filter, Gate, Handling, LateFilter, Prior, Source, States};
 use navsight::measurement::{Position, Velocity};
 use navsight::nav::NavState;
 
@@ -44,13 +43,7 @@ fn filter(truth: &Truth, noise: &SensorErrors) -> Filter {
         gyro_bias: [1e-4; 3],
         accel_bias: [0.02; 3],
     };
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(noise.vrw as f32, noise.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
+    let settings = noise.settings();
     Filter::new(nav, &prior, settings).unwrap()
 }
 

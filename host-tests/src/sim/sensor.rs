@@ -1,7 +1,9 @@
 //! What a real sensor makes of the ideal increments: constant biases, white noise, single precision.
 
 use nalgebra::Vector3;
-use navsight::imu::ImuIncrement;
+use navsight::error_model::{BiasModel, NoiseDensity};
+use navsight::filter::Settings;
+use navsight::imu::{ImuIncrement, ImuLimits};
 use rand::{rngs::StdRng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -47,6 +49,17 @@ impl SensorErrors {
             gyro_bias: Vector3::from(gyro_deg_per_h) * (DEG / 3600.0),
             accel_bias: Vector3::from(accel_ug) * 9.806_65e-6,
             ..self
+        }
+    }
+
+    /// Settings of a filter that knows this noise: constant biases, the covariance moved every 0.1 s, no gate.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            limits: ImuLimits::DEFAULT,
+            noise: NoiseDensity::from_random_walks(self.vrw as f32, self.arw as f32),
+            bias: BiasModel::constant(),
+            propagation_interval: 0.1,
+            gate: None,
         }
     }
 }

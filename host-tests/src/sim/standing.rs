@@ -1,9 +1,7 @@
 //! A standing alignment with a navigation-grade sensor: what its tests start from.
 
 use navsight::alignment::standing::Plan;
-use navsight::error_model::{BiasModel, NoiseDensity};
 use navsight::filter::{Prior, Settings};
-use navsight::imu::ImuLimits;
 use navsight::measurement::ZeroVelocity;
 
 use super::{SensorErrors, DEG};
@@ -25,12 +23,6 @@ pub fn navigation_grade() -> (Plan, Prior, Settings) {
         gyro_bias: [0.02 * rad / 3600.0; 3],
         accel_bias: [9.8e-4; 3],
     };
-    let settings = Settings {
-        limits: ImuLimits::DEFAULT,
-        noise: NoiseDensity::from_random_walks(errors.vrw as f32, errors.arw as f32),
-        bias: BiasModel::constant(),
-        propagation_interval: 0.1,
-        gate: None,
-    };
+    let settings = errors.settings();
     (plan, prior, settings)
 }
