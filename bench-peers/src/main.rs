@@ -2,6 +2,9 @@
 //! what a sample and an update cost. `cargo xtask peers` runs both and writes the table.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
+#[cfg(target_os = "none")]
+#[path = "../../examples/firmware/mod.rs"]
+mod firmware;
 mod fusion;
 mod kinavis;
 mod linear;
@@ -9,6 +12,8 @@ mod ours;
 mod scenario;
 #[cfg(target_os = "none")]
 mod target;
+#[cfg(target_os = "none")]
+use target::run;
 
 use core::fmt::Write;
 
@@ -31,7 +36,7 @@ macro_rules! each_peer {
 use each_peer;
 
 /// Runs a peer for so many samples; None when it refuses one.
-fn run<P: Peer>(samples: u32) -> Option<P> {
+fn drive<P: Peer>(samples: u32) -> Option<P> {
     let mut peer = P::start()?;
     let g = gravity();
     for k in 0..samples {
@@ -45,7 +50,7 @@ fn run<P: Peer>(samples: u32) -> Option<P> {
 /// `result`, name, velocity variance, heading error, tilt error.
 #[cfg_attr(target_os = "none", allow(dead_code))]
 fn result<P: Peer>(out: &mut impl Write) -> core::fmt::Result {
-    let Some(peer) = run::<P>(SAMPLES) else {
+    let Some(peer) = drive::<P>(SAMPLES) else {
         return writeln!(out, "result\t{}\trefused\t\t", P::NAME);
     };
     write!(out, "result\t{}\t{:e}", P::NAME, peer.velocity_variance())?;

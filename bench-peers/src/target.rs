@@ -2,13 +2,11 @@
 
 use core::fmt::Write;
 
-use cortex_m_rt::entry;
-use cortex_m_semihosting::{debug, hio};
 use embedded_alloc::LlffHeap as Heap;
 use navsight::error::Error;
 
 use crate::scenario::{gravity, sample, Peer, Sample};
-use crate::{each_peer, fusion, kinavis, linear, ours, run};
+use crate::{drive, each_peer, fusion, kinavis, linear, ours};
 
 #[path = "../../examples/firmware/probe.rs"]
 mod probe;
@@ -22,7 +20,7 @@ static HEAP: Heap = Heap::empty();
 const BEFORE: u32 = 205;
 
 fn rows<P: Peer>(out: &mut impl Write) -> core::fmt::Result {
-    let (Some(mut steady), Some(mut between)) = (run::<P>(BEFORE), run::<P>(BEFORE + 4)) else {
+    let (Some(mut steady), Some(mut between)) = (drive::<P>(BEFORE), drive::<P>(BEFORE + 4)) else {
         return writeln!(out, "refused\t{}", P::NAME);
     };
     let kind = if P::ALGEBRA_ONLY {
@@ -63,30 +61,11 @@ fn all(out: &mut impl Write) -> core::fmt::Result {
     Ok(())
 }
 
-#[entry]
-fn main() -> ! {
+/// What the firmware does.
+pub fn run(out: &mut impl Write) -> core::fmt::Result {
     const SIZE: usize = 64 * 1024;
     static mut ROOM: [u8; SIZE] = [0; SIZE];
     // SAFETY: done once, before any allocation; nobody else touches the room.
     unsafe { HEAP.init(&raw mut ROOM as usize, SIZE) };
-    let printed = hio::hstdout().is_ok_and(|mut out| all(&mut out).is_ok());
-    debug::exit(if printed {
-        debug::EXIT_SUCCESS
-    } else {
-        debug::EXIT_FAILURE
-    });
-    loop {
-        cortex_m::asm::wfi();
-    }
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    if let Ok(mut out) = hio::hstdout() {
-        let _ = core::fmt::write(&mut out, format_args!("{info}\n"));
-    }
-    debug::exit(debug::EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
-    }
+    all(out)
 }
