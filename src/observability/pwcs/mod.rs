@@ -97,7 +97,8 @@ struct Work<T, const N: usize> {
     fresh: bool,
 }
 
-/// Operations on one row, in order. The first four are on all segments' rows, the next two on this segment's own.
+/// What a slice does: the matrices are looked at once a segment; then each row is taken, reduced and cleared among all
+/// segments' rows, likewise among this segment's own, and followed by the next of its chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     CheckModel,
