@@ -252,7 +252,7 @@ fn rows<T: Real, const N: usize, const L: usize, const M: usize>(p: &mut Covaria
         gate: any(Some(number())),
     };
     keep(p.update(&any(rows)));
-    keep(p.update_considering(&any(rows), any(1), &mut |dx| {
+    keep(p.update_considering(&any(rows), any(1), |dx: &[T; N]| {
         if any(dx).is_empty() {
             Err(Error::Time)
         } else {
