@@ -1,248 +1,340 @@
 //! Propagation with the block pattern of the 15-state filter, spelled out.
 //!
-//! The 3×3 blocks are written by macro, not by loops: the instruction count is then the same at opt-level "s" and 3,
+//! The products are written by macro, not by loops: the instruction count is then the same at opt-level "s" and 3,
 //! where a loop-written kernel loses a factor of 3 to 8.
+//!
+//! Three elements are formed and stored before the next three are looked at, and the blocks of A P live in an array: a
+//! compiler that sees more at once forms several blocks before it stores one, and has no registers for them.
+
+use core::hint::black_box;
+use core::mem::MaybeUninit;
+use core::sync::atomic::{compiler_fence, Ordering};
 
 use super::packed::{at, Covariance15};
 use crate::linalg::{two_add, BlockTransition, Real};
 use nalgebra::{Matrix3, Vector3};
 
-/// A 3×3 block, `x[row][column]`.
-type Block<T> = [[T; 3]; 3];
-
-/// The nine elements of a block, `I` and `J` being constants in the expression.
-macro_rules! nine {
-    ($i:ident, $j:ident => $e:expr) => {{
-        macro_rules! element {
-            ($row:literal, $column:literal) => {{
-                const $i: usize = $row;
-                const $j: usize = $column;
-                $e
-            }};
-        }
-        [
-            [element!(0, 0), element!(0, 1), element!(0, 2)],
-            [element!(1, 0), element!(1, 1), element!(1, 2)],
-            [element!(2, 0), element!(2, 1), element!(2, 2)],
-        ]
-    }};
-}
+/// A row or a column of a 3×3 block.
+type Line<T> = [T; 3];
+/// A 3×3 block, column after column.
+type Block<'a, T> = [&'a mut Line<T>; 3];
+/// Room for one.
+type Room<T> = [MaybeUninit<Line<T>>; 3];
 
 /// Element (i, j) of a matrix, by constants: no bounds check is left.
 macro_rules! of {
-    ($a:ident, $i:expr, $j:expr) => {
+    ($a:expr, $i:expr, $j:expr) => {
         $a.data.0[$j][$i]
     };
 }
 
-/// Block (A, B) of a packed triangle.
-#[inline(always)]
-fn block<T: Real, const A: usize, const B: usize>(p: &[T; 120]) -> Block<T> {
-    nine!(I, J => p[at(3 * A + I, 3 * B + J)])
+/// A block for the constant 0, then 1, then 2. What one of them reads and writes comes before the next.
+macro_rules! each {
+    ($k:ident => $e:block) => {
+        each!(0, $k, $e);
+        each!(1, $k, $e);
+        each!(2, $k, $e);
+    };
+    ($n:literal, $k:ident, $e:block) => {{
+        const $k: usize = $n;
+        $e
+        compiler_fence(Ordering::SeqCst);
+    }};
 }
 
-#[inline(always)]
-fn transposed<T: Real>(x: &Block<T>) -> Block<T> {
-    nine!(I, J => x[J][I])
-}
-
-#[inline(always)]
-fn sum<T: Real>(x: &Block<T>, y: &Block<T>) -> Block<T> {
-    nine!(I, J => x[I][J] + y[I][J])
-}
-
-/// a x
-#[inline(always)]
-fn scaled<T: Real>(a: T, x: &Block<T>) -> Block<T> {
-    nine!(I, J => a * x[I][J])
-}
-
-/// t + a x
-#[inline(always)]
-fn plus_scaled<T: Real>(t: &Block<T>, a: T, x: &Block<T>) -> Block<T> {
-    nine!(I, J => t[I][J] + a * x[I][J])
-}
-
-/// t + A x, A full.
-#[inline(always)]
-fn full<T: Real>(t: &Block<T>, a: &Matrix3<T>, x: &Block<T>) -> Block<T> {
-    nine!(I, J => t[I][J] + of!(a, I, 0) * x[0][J] + of!(a, I, 1) * x[1][J] + of!(a, I, 2) * x[2][J])
+/// A block written into its room, column J by this expression.
+macro_rules! block {
+    ($room:ident; $j:ident => $e:block) => {{
+        let [a, b, c] = $room;
+        [
+            block!(0, $j, a, $e),
+            block!(1, $j, b, $e),
+            block!(2, $j, c, $e),
+        ]
+    }};
+    ($n:literal, $j:ident, $room:ident, $e:block) => {{
+        const $j: usize = $n;
+        let column = $room.write($e);
+        compiler_fence(Ordering::SeqCst);
+        column
+    }};
 }
 
 /// A x, A without its diagonal.
 #[inline(always)]
-fn hollow0<T: Real>(a: &Matrix3<T>, x: &Block<T>) -> Block<T> {
-    nine!(I, J => of!(a, I, (I + 1) % 3) * x[(I + 1) % 3][J] + of!(a, I, (I + 2) % 3) * x[(I + 2) % 3][J])
+fn hollow0<T: Real>(a: &Matrix3<T>, x: Line<T>) -> Line<T> {
+    [
+        of!(a, 0, 1) * x[1] + of!(a, 0, 2) * x[2],
+        of!(a, 1, 2) * x[2] + of!(a, 1, 0) * x[0],
+        of!(a, 2, 0) * x[0] + of!(a, 2, 1) * x[1],
+    ]
 }
 
 /// t + A x, A without its diagonal.
 #[inline(always)]
-fn hollow<T: Real>(t: &Block<T>, a: &Matrix3<T>, x: &Block<T>) -> Block<T> {
-    nine!(I, J => t[I][J]
-        + of!(a, I, (I + 1) % 3) * x[(I + 1) % 3][J]
-        + of!(a, I, (I + 2) % 3) * x[(I + 2) % 3][J])
+fn hollow<T: Real>(t: Line<T>, a: &Matrix3<T>, x: Line<T>) -> Line<T> {
+    [
+        t[0] + of!(a, 0, 1) * x[1] + of!(a, 0, 2) * x[2],
+        t[1] + of!(a, 1, 2) * x[2] + of!(a, 1, 0) * x[0],
+        t[2] + of!(a, 2, 0) * x[0] + of!(a, 2, 1) * x[1],
+    ]
+}
+
+/// t + A x, A full.
+#[inline(always)]
+fn full<T: Real>(t: Line<T>, a: &Matrix3<T>, x: Line<T>) -> Line<T> {
+    [
+        t[0] + of!(a, 0, 0) * x[0] + of!(a, 0, 1) * x[1] + of!(a, 0, 2) * x[2],
+        t[1] + of!(a, 1, 0) * x[0] + of!(a, 1, 1) * x[1] + of!(a, 1, 2) * x[2],
+        t[2] + of!(a, 2, 0) * x[0] + of!(a, 2, 1) * x[1] + of!(a, 2, 2) * x[2],
+    ]
 }
 
 /// t + diag(a) x
 #[inline(always)]
-fn diagonal<T: Real>(t: &Block<T>, a: &Vector3<T>, x: &Block<T>) -> Block<T> {
-    nine!(I, J => t[I][J] + of!(a, I, 0) * x[I][J])
+fn diagonal<T: Real>(t: Line<T>, a: &Vector3<T>, x: Line<T>) -> Line<T> {
+    [
+        t[0] + of!(a, 0, 0) * x[0],
+        t[1] + of!(a, 1, 0) * x[1],
+        t[2] + of!(a, 2, 0) * x[2],
+    ]
 }
 
-/// t + x Aᵀ, A full.
+/// t + a x
 #[inline(always)]
-fn times_full<T: Real>(t: &Block<T>, x: &Block<T>, a: &Matrix3<T>) -> Block<T> {
-    nine!(I, J => t[I][J] + x[I][0] * of!(a, J, 0) + x[I][1] * of!(a, J, 1) + x[I][2] * of!(a, J, 2))
+fn scaled<T: Real>(t: Line<T>, a: T, x: Line<T>) -> Line<T> {
+    [t[0] + a * x[0], t[1] + a * x[1], t[2] + a * x[2]]
 }
 
-/// t + x Aᵀ, A without its diagonal.
 #[inline(always)]
-fn times_hollow<T: Real>(t: &Block<T>, x: &Block<T>, a: &Matrix3<T>) -> Block<T> {
-    nine!(I, J => t[I][J]
-        + x[I][(J + 1) % 3] * of!(a, J, (J + 1) % 3)
-        + x[I][(J + 2) % 3] * of!(a, J, (J + 2) % 3))
+fn sum<T: Real>(x: Line<T>, y: Line<T>) -> Line<T> {
+    [x[0] + y[0], x[1] + y[1], x[2] + y[2]]
 }
 
-/// t + x diag(a)
+/// Row I of a block.
 #[inline(always)]
-fn times_diagonal<T: Real>(t: &Block<T>, x: &Block<T>, a: &Vector3<T>) -> Block<T> {
-    nine!(I, J => t[I][J] + x[I][J] * of!(a, J, 0))
+fn row<T: Real, const I: usize>(x: &Block<T>) -> Line<T> {
+    [x[0][I], x[1][I], x[2][I]]
 }
 
-/// Adds noise number 3·K … 3·K + 2 to the diagonal.
 #[inline(always)]
-fn noise<T: Real, const K: usize>(t: &mut Block<T>, q: &[T; 12]) {
-    t[0][0] += q[3 * K];
-    t[1][1] += q[3 * K + 1];
-    t[2][2] += q[3 * K + 2];
+fn set_row<T: Real, const I: usize>(x: &mut Block<T>, to: Line<T>) {
+    (x[0][I], x[1][I], x[2][I]) = (to[0], to[1], to[2]);
+}
+
+/// Adds the noise of state 3·K + I + 3 to element I.
+#[inline(always)]
+fn noise<T: Real, const K: usize, const I: usize>(t: &mut Line<T>, q: &[T; 12]) {
+    t[I] += q[3 * K + I];
 }
 
 impl<T: Real> Covariance15<T> {
-    /// Adds to block (A, B), compensated; of a diagonal block, to its upper half.
+    /// Column J of block (A, B).
     #[inline(always)]
-    fn add_block<const A: usize, const B: usize>(&mut self, d: &Block<T>) {
-        let _ = nine!(I, J => if A != B || I <= J {
-            let k = at(3 * A + I, 3 * B + J);
-            (self.hi[k], self.lo[k]) = two_add(self.hi[k], self.lo[k], d[I][J]);
-        });
+    fn column<const A: usize, const B: usize, const J: usize>(&self) -> Line<T> {
+        let j = 3 * B + J;
+        [
+            self.hi[at(3 * A, j)],
+            self.hi[at(3 * A + 1, j)],
+            self.hi[at(3 * A + 2, j)],
+        ]
     }
 
-    /// Block (A, B) in two words that are cut elsewhere than those in store: the first differs from the high word by up
-    /// to an eighth, as the low word has it, and the second holds all that is left.
+    /// Row I of block (A, B).
+    #[inline(always)]
+    fn line<const A: usize, const B: usize, const I: usize>(&self) -> Line<T> {
+        let i = 3 * A + I;
+        [
+            self.hi[at(i, 3 * B)],
+            self.hi[at(i, 3 * B + 1)],
+            self.hi[at(i, 3 * B + 2)],
+        ]
+    }
+
+    /// Adds to row I of block (A, B), compensated; of a diagonal block, to its upper half.
+    #[inline(always)]
+    fn add<const A: usize, const B: usize, const I: usize>(&mut self, d: Line<T>) {
+        macro_rules! one {
+            ($j:literal) => {
+                if A != B || I <= $j {
+                    let k = at(3 * A + I, 3 * B + $j);
+                    (self.hi[k], self.lo[k]) = two_add(self.hi[k], self.lo[k], d[$j]);
+                }
+            };
+        }
+        one!(0);
+        one!(1);
+        one!(2);
+    }
+
+    /// Column J of block (A, B) in two words that are cut elsewhere than those in store: the first differs from the high
+    /// word by up to an eighth, as the low word has it, and the second holds all that is left.
     ///
     /// A covariance that stands still for thousands of steps gives every product the same rounding error, and the
     /// errors of a row add up to a drift. Cut by the low word, which moves with every addition, they scatter and
     /// average out. Exact for f32: h + l is the stored sum but for the rounding of l. Read where a velocity meets what
     /// two states that hide each other, tilt and accelerometer bias, tell it: in columns r, ψ and b_a.
     #[inline(always)]
-    fn recut<const A: usize, const B: usize>(&self) -> (Block<T>, Block<T>) {
-        let (p, low) = (block::<T, A, B>(&self.hi), block::<T, A, B>(&self.lo));
-        let h = nine!(I, J => p[I][J] + low[I][J] * T::CUT);
-        let l = nine!(I, J => (p[I][J] - h[I][J]) + low[I][J]);
+    fn recut<const A: usize, const B: usize, const J: usize>(&self) -> (Line<T>, Line<T>) {
+        let (p, j) = (self.column::<A, B, J>(), 3 * B + J);
+        let low = [
+            self.lo[at(3 * A, j)],
+            self.lo[at(3 * A + 1, j)],
+            self.lo[at(3 * A + 2, j)],
+        ];
+        let h = scaled(p, T::CUT, low);
+        let l = [
+            (p[0] - h[0]) + low[0],
+            (p[1] - h[1]) + low[1],
+            (p[2] - h[2]) + low[2],
+        ];
         (h, l)
     }
 
     /// As [`Covariance15::propagate`], for a transition of the pattern of [`BlockTransition`].
     pub fn propagate_blocks(&mut self, t: &BlockTransition<T>) {
-        let b12 = self.row_1::<2>(t);
-        let b14 = self.row_1::<4>(t);
-        let b11 = self.row_1::<1>(t);
-        let b10 = self.row_1::<0>(t);
-        let b03 = self.row_0::<3>(t);
-        let q03 = sum(&block::<T, 0, 3>(&self.hi), &b03);
-        let b13 = self.row_1::<3>(t);
-        self.add_block::<0, 3>(&plus_scaled(&b03, t.a33, &q03));
-        let q13 = sum(&block::<T, 1, 3>(&self.hi), &b13);
-        self.add_block::<1, 3>(&plus_scaled(&b13, t.a33, &q13));
-        let b04 = self.row_0::<4>(t);
-        let q04 = sum(&block::<T, 0, 4>(&self.hi), &b04);
-        self.add_block::<0, 4>(&plus_scaled(&b04, t.a44, &q04));
-        let q14 = sum(&block::<T, 1, 4>(&self.hi), &b14);
-        self.add_block::<1, 4>(&plus_scaled(&b14, t.a44, &q14));
-        let b02 = self.row_0::<2>(t);
-        let q02 = sum(&block::<T, 0, 2>(&self.hi), &b02);
-        let d = times_hollow(&b02, &q02, &t.a22);
-        self.add_block::<0, 2>(&times_full(&d, &q03, &t.a23));
-        let q12 = sum(&block::<T, 1, 2>(&self.hi), &b12);
-        let d = times_hollow(&b12, &q12, &t.a22);
-        self.add_block::<1, 2>(&times_full(&d, &q13, &t.a23));
-        let b00 = self.row_0::<0>(t);
-        let b01 = self.row_0::<1>(t);
-        let d = sum(&b00, &transposed(&b00));
-        self.add_block::<0, 0>(&times_diagonal(
-            &times_hollow(&d, &b00, &t.a00),
-            &b01,
-            &t.a01,
-        ));
-        let d = times_diagonal(&sum(&b01, &transposed(&b10)), &b00, &t.a10);
-        let d = times_hollow(&times_hollow(&d, &b01, &t.a11), &b02, &t.a12);
-        self.add_block::<0, 1>(&times_full(&d, &b04, &t.a14));
-        let d = times_diagonal(&sum(&b11, &transposed(&b11)), &b10, &t.a10);
-        let d = times_hollow(&times_hollow(&d, &b11, &t.a11), &b12, &t.a12);
-        let mut d = times_full(&d, &b14, &t.a14);
-        noise::<T, 0>(&mut d, &t.q);
-        self.add_block::<1, 1>(&d);
-        self.rows_2(t);
-        self.rows_3_4(t);
+        let mut room = [const { [const { MaybeUninit::uninit() }; 3] }; 10];
+        // seen from outside, so that it is memory and not three dozen registers
+        let [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9] = black_box(&mut room);
+        let b12 = self.row_1::<2>(t, r0);
+        let b14 = self.row_1::<4>(t, r1);
+        let b11 = self.row_1::<1>(t, r2);
+        let b10 = self.row_1::<0>(t, r3);
+        let mut q13 = self.row_1::<3>(t, r4);
+        let mut q03 = self.row_0::<3>(t, r5);
+        let b04 = self.row_0::<4>(t, r6);
+        let b02 = self.row_0::<2>(t, r7);
+        let b00 = self.row_0::<0>(t, r8);
+        let b01 = self.row_0::<1>(t, r9);
+        each!(I => {
+            let q = self.add_fading::<0, 3, I>(t.a33, row::<T, I>(&q03));
+            set_row::<T, I>(&mut q03, q);
+        });
+        each!(I => {
+            let q = self.add_fading::<1, 3, I>(t.a33, row::<T, I>(&q13));
+            set_row::<T, I>(&mut q13, q);
+        });
+        each!(I => { self.add_2::<0, I>(t, row::<T, I>(&b02), row::<T, I>(&q03)); });
+        each!(I => { self.add_2::<1, I>(t, row::<T, I>(&b12), row::<T, I>(&q13)); });
+        each!(I => { self.add_fading::<0, 4, I>(t.a44, row::<T, I>(&b04)); });
+        each!(I => { self.add_fading::<1, 4, I>(t.a44, row::<T, I>(&b14)); });
+        each!(I => {
+            let d = sum(row::<T, I>(&b00), *b00[I]);
+            let d = hollow(d, &t.a00, row::<T, I>(&b00));
+            self.add::<0, 0, I>(diagonal(d, &t.a01, row::<T, I>(&b01)));
+        });
+        each!(I => {
+            let d = sum(row::<T, I>(&b01), *b10[I]);
+            let d = hollow(diagonal(d, &t.a10, row::<T, I>(&b00)), &t.a11, row::<T, I>(&b01));
+            self.add::<0, 1, I>(full(hollow(d, &t.a12, row::<T, I>(&b02)), &t.a14, row::<T, I>(&b04)));
+        });
+        each!(I => {
+            let d = sum(row::<T, I>(&b11), *b11[I]);
+            let d = hollow(diagonal(d, &t.a10, row::<T, I>(&b10)), &t.a11, row::<T, I>(&b11));
+            let mut d = full(hollow(d, &t.a12, row::<T, I>(&b12)), &t.a14, row::<T, I>(&b14));
+            noise::<T, 0, I>(&mut d, &t.q);
+            self.add::<1, 1, I>(d);
+        });
+        let [r0, r1, r2, ..] = black_box(&mut room);
+        let b22 = self.row_2::<2>(t, r0);
+        let b23 = self.row_2::<3>(t, r1);
+        let b24 = self.row_2::<4>(t, r2);
+        each!(I => {
+            let d = sum(row::<T, I>(&b22), *b22[I]);
+            let mut d = full(hollow(d, &t.a22, row::<T, I>(&b22)), &t.a23, row::<T, I>(&b23));
+            noise::<T, 1, I>(&mut d, &t.q);
+            self.add::<2, 2, I>(d);
+        });
+        each!(I => { self.add_fading::<2, 3, I>(t.a33, row::<T, I>(&b23)); });
+        each!(I => { self.add_fading::<2, 4, I>(t.a44, row::<T, I>(&b24)); });
+        let (one, two) = (T::one(), T::one() + T::one());
+        let both = t.a33 + t.a44 * (one + t.a33);
+        each!(I => { self.fade::<3, 4, I>(both, &[T::zero(); 12]); });
+        each!(I => { self.fade::<3, 3, I>(t.a33 * (two + t.a33), &t.q); });
+        each!(I => { self.fade::<4, 4, I>(t.a44 * (two + t.a44), &t.q); });
     }
 
+    /// Block (0, B) of A P.
     #[inline(always)]
-    fn row_0<const B: usize>(&self, t: &BlockTransition<T>) -> Block<T> {
-        let p = &self.hi;
-        diagonal(
-            &hollow0(&t.a00, &block::<T, 0, B>(p)),
-            &t.a01,
-            &block::<T, 1, B>(p),
-        )
-    }
-    #[inline(always)]
-    fn row_1<const B: usize>(&self, t: &BlockTransition<T>) -> Block<T> {
-        let p = &self.hi;
-        let x = if B == 2 || B == 4 || B == 0 {
-            let (h2, l2) = self.recut::<2, B>();
-            let (h4, l4) = self.recut::<4, B>();
-            let y = full(&hollow0(&t.a12, &h2), &t.a14, &h4);
-            full(&hollow(&y, &t.a12, &l2), &t.a14, &l4)
-        } else {
-            full(
-                &hollow0(&t.a12, &block::<T, 2, B>(p)),
-                &t.a14,
-                &block::<T, 4, B>(p),
-            )
-        };
-        let x = hollow(&x, &t.a11, &block::<T, 1, B>(p));
-        diagonal(&x, &t.a10, &block::<T, 0, B>(p))
-    }
-    #[inline(always)]
-    fn rows_2(&mut self, t: &BlockTransition<T>) {
-        let p = &self.hi;
-        let (p22, p23, p24) = (
-            block::<T, 2, 2>(p),
-            block::<T, 2, 3>(p),
-            block::<T, 2, 4>(p),
-        );
-        let b22 = full(&hollow0(&t.a22, &p22), &t.a23, &transposed(&p23));
-        let b23 = full(&hollow0(&t.a22, &p23), &t.a23, &block::<T, 3, 3>(p));
-        let b24 = full(&hollow0(&t.a22, &p24), &t.a23, &block::<T, 3, 4>(p));
-        let d = sum(&b22, &transposed(&b22));
-        let mut d = times_full(&times_hollow(&d, &b22, &t.a22), &b23, &t.a23);
-        noise::<T, 1>(&mut d, &t.q);
-        self.add_block::<2, 2>(&d);
-        self.add_block::<2, 3>(&plus_scaled(&b23, t.a33, &sum(&p23, &b23)));
-        self.add_block::<2, 4>(&plus_scaled(&b24, t.a44, &sum(&p24, &b24)));
+    fn row_0<'a, const B: usize>(
+        &self,
+        t: &BlockTransition<T>,
+        to: &'a mut Room<T>,
+    ) -> Block<'a, T> {
+        block!(to; J => {
+            let x = hollow0(&t.a00, self.column::<0, B, J>());
+            diagonal(x, &t.a01, self.column::<1, B, J>())
+        })
     }
 
+    /// Block (1, B) of A P.
     #[inline(always)]
-    fn rows_3_4(&mut self, t: &BlockTransition<T>) {
-        let two = T::one() + T::one();
-        let mut d = scaled(t.a33 * (two + t.a33), &block::<T, 3, 3>(&self.hi));
-        noise::<T, 2>(&mut d, &t.q);
-        self.add_block::<3, 3>(&d);
-        let both = t.a33 + t.a44 * (T::one() + t.a33);
-        self.add_block::<3, 4>(&scaled(both, &block::<T, 3, 4>(&self.hi)));
-        let mut d = scaled(t.a44 * (two + t.a44), &block::<T, 4, 4>(&self.hi));
-        noise::<T, 3>(&mut d, &t.q);
-        self.add_block::<4, 4>(&d);
+    fn row_1<'a, const B: usize>(
+        &self,
+        t: &BlockTransition<T>,
+        to: &'a mut Room<T>,
+    ) -> Block<'a, T> {
+        block!(to; J => {
+            let x = if B == 2 || B == 4 || B == 0 {
+                let (h2, l2) = self.recut::<2, B, J>();
+                let (h4, l4) = self.recut::<4, B, J>();
+                let x = full(hollow0(&t.a12, h2), &t.a14, h4);
+                full(hollow(x, &t.a12, l2), &t.a14, l4)
+            } else {
+                let x = hollow0(&t.a12, self.column::<2, B, J>());
+                full(x, &t.a14, self.column::<4, B, J>())
+            };
+            let x = hollow(x, &t.a11, self.column::<1, B, J>());
+            diagonal(x, &t.a10, self.column::<0, B, J>())
+        })
+    }
+
+    /// Block (2, B) of A P.
+    #[inline(always)]
+    fn row_2<'a, const B: usize>(
+        &self,
+        t: &BlockTransition<T>,
+        to: &'a mut Room<T>,
+    ) -> Block<'a, T> {
+        block!(to; J => {
+            let x = hollow0(&t.a22, self.column::<2, B, J>());
+            full(x, &t.a23, self.column::<3, B, J>())
+        })
+    }
+
+    /// Row I of block (A, 2): `b` of A P, `q3` of P + A P in column 3.
+    #[inline(always)]
+    fn add_2<const A: usize, const I: usize>(
+        &mut self,
+        t: &BlockTransition<T>,
+        b: Line<T>,
+        q3: Line<T>,
+    ) {
+        let q = sum(self.line::<A, 2, I>(), b);
+        self.add::<A, 2, I>(full(hollow(b, &t.a22, q), &t.a23, q3));
+    }
+
+    /// Row I of block (A, B), B of states that only fade: `b` of A P is added; returns that of P + A P.
+    #[inline(always)]
+    fn add_fading<const A: usize, const B: usize, const I: usize>(
+        &mut self,
+        fade: T,
+        b: Line<T>,
+    ) -> Line<T> {
+        let q = sum(self.line::<A, B, I>(), b);
+        self.add::<A, B, I>(scaled(b, fade, q));
+        q
+    }
+
+    /// Row I of block (A, B), both of states that only fade.
+    #[inline(always)]
+    fn fade<const A: usize, const B: usize, const I: usize>(&mut self, fade: T, q: &[T; 12]) {
+        let p = self.line::<A, B, I>();
+        let mut d = [fade * p[0], fade * p[1], fade * p[2]];
+        if A == B {
+            d[I] += q[3 * A - 3 + I];
+        }
+        self.add::<A, B, I>(d);
     }
 }
 
