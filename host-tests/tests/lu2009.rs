@@ -299,9 +299,7 @@ fn f32_is_within_a_tenth_of_a_percent() {
             );
             for i in 0..N {
                 let error = (got.xi1[i].unwrap() - xi1[i]).abs();
-                // Below 1e-10 /s a rate is a correlation of 1e-9 or less, squared or alone, of which f32 keeps two or
-                // three digits: 2.5 % off for the level position at 7e-12 /s, 1.7 % for an accelerometer at 4e-14 /s.
-                let limit = (1e-2 * xi1[i].abs().max(1e-10)).max(1e-3 * terms[i]);
+                let limit = (1e-2 * xi1[i].abs()).max(1e-3 * terms[i]);
                 assert!(
                     error <= limit,
                     "{what} xi1[{i}]: {:e}, want {:e} ± {limit:e}",

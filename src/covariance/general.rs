@@ -1,7 +1,7 @@
 //! Propagation with any transition.
 
 use super::packed::{column, Covariance};
-use crate::linalg::{two_add, Real};
+use crate::linalg::{Pair, Real};
 use nalgebra::{SMatrix, SVector};
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
@@ -15,9 +15,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     ///   keeps all its digits.
     /// * `q` — diagonal of the noise added over the step.
     ///
-    /// Every stored element is added once, compensated, so the result is exactly symmetric. B is formed once and used
-    /// for both A P and P Aᵀ, low words included: where two states all but cancel in it (a tilt and the accelerometer
-    /// bias that hides it), two separate roundings would leave their difference behind. Zeros of A are skipped.
+    /// Sums and products are in two words throughout, and every stored element is added to once, so the result is
+    /// exactly symmetric. In one word a correlation of 1e-9, what ξ1 of a state near its end is made of, would keep two
+    /// digits after ten minutes; so it keeps four, and ξ2 agrees with f64 to 1e-5. Zeros of A are skipped.
     ///
     /// Nothing is checked here: A and Q come from the caller's model, and [`Covariance::update`] refuses a P that is
     /// broken.
@@ -45,43 +45,35 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         // b[j] is column j of B = A P
         let mut j = 0;
         let b = [(); N].map(|()| {
-            let mut b = [T::zero(); N];
-            add_product(&mut b, a, &column(&self.hi, j));
-            let mut low = [T::zero(); N];
-            add_product(&mut low, a, &column(&self.lo, j));
-            b.iter_mut().zip(&low).for_each(|(b, low)| *b += *low);
+            let mut b = [Pair::zero(); N];
+            let (hi, lo): ([T; N], [T; N]) = (column(&self.hi, j), column(&self.lo, j));
+            for ((a, hi), lo) in a.column_iter().zip(hi).zip(lo) {
+                for (b, a) in b.iter_mut().zip(a.iter()) {
+                    if *a != T::zero() {
+                        *b = b.add_product(Pair { hi, lo }, *a);
+                    }
+                }
+            }
             j += 1;
             b
         });
         let mut words = self.hi.iter_mut().zip(self.lo.iter_mut());
         for (j, (b_j, a_j)) in b.iter().zip(a.row_iter()).enumerate() {
-            let mut delta = [T::zero(); N];
+            let mut column = [T::zero(); N];
+            noise(j, &mut column);
+            let mut delta = column.map(Pair::of);
             for (b_k, a_jk) in b.iter().zip(a_j.iter()) {
                 if *a_jk != T::zero() {
-                    delta
-                        .iter_mut()
-                        .zip(b_k)
-                        .for_each(|(d, b)| *d += *a_jk * *b);
+                    for (d, b) in delta.iter_mut().zip(b_k).take(j + 1) {
+                        *d = d.add_product(*b, *a_jk);
+                    }
                 }
             }
-            for ((d, b_ij), b_i) in delta.iter_mut().zip(b_j).zip(&b) {
-                *d += *b_ij + b_i.get(j).copied().unwrap_or_else(T::zero);
-            }
-            noise(j, &mut delta);
-            for (d, (hi, lo)) in delta.iter().take(j + 1).zip(words.by_ref()) {
-                (*hi, *lo) = two_add(*hi, *lo, *d);
-            }
-        }
-    }
-}
-
-/// y ← y + A x, zeros of A skipped.
-#[inline(always)]
-fn add_product<T: Real, const N: usize>(y: &mut [T; N], a: &SMatrix<T, N, N>, x: &[T; N]) {
-    for (column, x) in a.column_iter().zip(x) {
-        for (y, a) in y.iter_mut().zip(column.iter()) {
-            if *a != T::zero() {
-                *y += *a * *x;
+            let columns = delta.iter().zip(b_j).zip(&b).take(j + 1);
+            for (((d, b_ij), b_i), (hi, lo)) in columns.zip(words.by_ref()) {
+                let b_ji = b_i.get(j).copied().unwrap_or_else(Pair::zero);
+                let p = Pair { hi: *hi, lo: *lo }.add(b_ij.add(b_ji).add(*d));
+                (*hi, *lo) = (p.hi, p.lo);
             }
         }
     }

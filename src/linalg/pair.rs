@@ -90,6 +90,17 @@ impl<T: Real> Pair<T> {
         .settled()
     }
 
+    /// self + a x: the product exact, the sum to two words, which only the next [`Pair::add`] settles.
+    #[inline]
+    pub fn add_product(self, x: Self, a: T) -> Self {
+        let p = Self::product(x.hi, a);
+        let s = Self::sum(self.hi, p.hi);
+        Self {
+            hi: s.hi,
+            lo: self.lo + (s.lo + (p.lo + x.lo * a)),
+        }
+    }
+
     /// 1/self: one Newton step on the single-word reciprocal. Not finite at zero.
     #[inline]
     pub fn reciprocal(self) -> Self {
