@@ -113,6 +113,35 @@ fn the_past_is_what_was_there() {
 }
 
 #[test]
+fn between_two_entries_the_motion_is_even() {
+    // Entries half a second apart, in a banked turn: the state between them against the filter's own of that time.
+    let mut simulator = Simulator::new(motion(), DT);
+    let mut ideal = Sensor::new(SensorErrors::NONE, 1);
+    let start = filter(&simulator.truth(), &SensorErrors::TACTICAL);
+    let mut late = LateFilter::<4>::new(start, 0.5).unwrap();
+    let mut own = Vec::new();
+    for _ in 0..3020 {
+        let (_, sample) = simulator.next().unwrap();
+        late.propagate(&ideal.sample(&sample)).unwrap();
+        own.push((late.filter().time(), *late.filter().nav()));
+    }
+    for (time, then) in own.iter().rev().skip(1).take(150) {
+        let there = late.state_at(*time).unwrap();
+        // a = 60 m/s · 0.21 rad/s in a turn of 0.21 rad/s that grows by 0.02 rad/s²: a jerk of 2.6 m/s³ over 0.5 s, T²/8 of
+        // it in velocity, twice that where the turn changes too, and T³/16 in position
+        let v = (there.v_n() - then.v_n()).norm();
+        let d = there.displacement_to(&then.position()).unwrap().norm();
+        let turned =
+            (there.c_b_n() * then.c_b_n().transpose() - nalgebra::Matrix3::identity()).amax();
+        // The wrong sign of any part of the way: velocity 3 m/s, position 0.3 m, attitude 0.05 rad.
+        assert!(
+            v < 0.16 && d < 0.06 && turned < 2e-3,
+            "{time}: {v} {d} {turned}"
+        );
+    }
+}
+
+#[test]
 fn too_late_and_too_early_are_told_apart() {
     let mut simulator = Simulator::new(motion(), DT);
     let mut sensor = Sensor::new(SensorErrors::TACTICAL, 1);
