@@ -10,6 +10,9 @@ fn main() {
 #[path = "firmware/advice.rs"]
 mod advice;
 #[cfg(target_os = "none")]
+#[path = "firmware/aiding.rs"]
+mod aiding;
+#[cfg(target_os = "none")]
 mod firmware;
 #[cfg(target_os = "none")]
 #[path = "firmware/probe.rs"]

@@ -26,6 +26,7 @@ use navsight::observability::riccati::{DecreaseRate15, Information};
 use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly};
 
 use crate::advice;
+use crate::aiding;
 use crate::probe::{calibration, region};
 use crate::ways;
 
@@ -78,6 +79,7 @@ pub fn run(out: &mut HostStream) -> core::fmt::Result {
     let (filter, imu) = aligning(100).map_err(refused)?;
     navigator(table, &filter, imu)?;
     observability(table, &filter)?;
+    aiding::run(table, &filter, imu)?;
     ways::run(table)?;
     advice::run(table, &filter)?;
     kernels::<f32>(table, "f32", &filter, imu)?;
@@ -213,7 +215,7 @@ fn fresh() -> Result<Filter, core::fmt::Error> {
 
 /// The filter after ten of these updates, all rows of which it used: a gated row would be cheaper, and a variance that
 /// collapses dearer.
-fn settled<const M: usize>(
+pub fn settled<const M: usize>(
     filter: &Filter,
     measurement: &Linearized<M>,
 ) -> Result<Filter, core::fmt::Error> {
@@ -371,7 +373,7 @@ fn kernels<T: Real>(
 }
 
 /// Position and velocity of an antenna a metre and a half away, near where the filter is.
-fn fix(nav: &NavState) -> Result<PositionVelocity, Error> {
+pub fn fix(nav: &NavState) -> Result<PositionVelocity, Error> {
     let antenna = Antenna::new(Vector3::new(0.5, -1.0, 1.2))?;
     let sigma = Vector3::new(0.5, 0.5, 1.0);
     let position = Position::new(nav.position(), sigma, 0.1)?;
