@@ -37,6 +37,7 @@ use navsight::observability::ceiling::{self, Gramian};
 use navsight::observability::comprehensive;
 use navsight::observability::diagonal::{self, Index, Xi};
 use navsight::observability::eigen_degree::{EigenDegree, Form};
+use navsight::observability::extreme::Extremes;
 use navsight::observability::pwcs::{Kind, Scale, Staged, NAVIGATION};
 use navsight::observability::riccati::{DecreaseRate, Information};
 use navsight::observability::spectrum::{self, Axes, Directions, Spectrum, ValuesOnly};
@@ -303,6 +304,8 @@ fn observability<T: Real, const N: usize, const L: usize>() {
     keep((rate.element(any(1), any(2)), rate.diagonal()));
     spectra(&p, &rate, Spectrum::<T, N, L, ValuesOnly>::new());
     spectra(&p, &rate, Spectrum::<T, N, L, Directions<T, N>>::new());
+    let mut ends = Extremes::<T, N, L>::default();
+    keep((ends.most(&p, any(1)), ends.least(&p, any(1))));
 }
 
 fn information<T: Real, const N: usize, const M: usize>() -> Information<T, M, N> {

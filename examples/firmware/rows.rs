@@ -22,6 +22,7 @@ use navsight::measurement::{
 };
 use navsight::nav::NavState;
 use navsight::observability::diagonal::{xi1_riccati_blocks, Xi};
+use navsight::observability::extreme::Extremes15;
 use navsight::observability::riccati::{DecreaseRate15, Information};
 use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly};
 
@@ -90,6 +91,7 @@ pub fn run(out: &mut HostStream) -> core::fmt::Result {
     table.ram::<Covariance15<f64>>("Covariance15<f64>")?;
     table.ram::<Filter>("Filter")?;
     table.ram::<StandingAlignment>("StandingAlignment")?;
+    table.ram::<Extremes15<f32>>("Extremes15<f32>")?;
     table.ram::<Spectrum15<f32, ValuesOnly>>("Spectrum15<f32, ValuesOnly>")?;
     table.ram::<Spectrum15<f32, Directions<f32, 15>>>("Spectrum15<f32, Directions<f32, 15>>")
 }
@@ -280,6 +282,19 @@ fn observability(table: &mut Table, filter: &Filter) -> core::fmt::Result {
     table.row("one slice of an η spectrum", "f32", slice, |eta| {
         eta.step(spectrum::SLICE)
     })?;
+    let room = Extremes15::<f32>::new();
+    table.row(
+        "largest η2 alone, with its direction",
+        "f32",
+        (p, room.clone()),
+        |(p, room)| room.most(p, u32::MAX),
+    )?;
+    table.row(
+        "smallest η2 alone, with its direction",
+        "f32",
+        (p, room),
+        |(p, room)| room.least(p, u32::MAX),
+    )?;
     let Some(information) = information else {
         return Err(core::fmt::Error);
     };

@@ -10,6 +10,7 @@
 //! | [`diagonal::xi1_riccati`], [`diagonal::xi1_riccati_blocks`] | Lu 2009 (17), (22) | P⁺, F, Q, H, R·T | an update of interest | see `BENCHMARKS.md` |
 //! | [`spectrum::Spectrum`] η2 | Lu 2009 (6), (16) | P⁺, P0 | on demand, in slices | see `BENCHMARKS.md` |
 //! | [`spectrum::Spectrum`] η1 | Lu 2009 (5), (15) | −Ṗ, P0 | on demand, in slices | see `BENCHMARKS.md` |
+//! | [`extreme::Extremes`] largest and smallest η2 alone | Lu 2009 (6) | P⁺ | on demand, bounded | see `BENCHMARKS.md` |
 //! | [`structural::Report`] | graph paper 2020 | zero pattern of F, H | a change of segment | see `BENCHMARKS.md` |
 //! | [`pwcs::Staged`] rank | Goshen-Meskin 1992, Peng 2016 | F, H per segment, σ0 | a change of segment, in slices | see `BENCHMARKS.md` |
 //! | [`comprehensive`] order, degree | Peng 2016 | `Staged` | after it | a table look-up |
@@ -27,6 +28,7 @@ pub mod ceiling;
 pub mod comprehensive;
 pub mod diagonal;
 pub mod eigen_degree;
+pub mod extreme;
 mod jacobi;
 mod one_sided;
 pub mod pwcs;

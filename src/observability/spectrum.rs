@@ -22,7 +22,7 @@
 
 use super::jacobi::GAP;
 use super::riccati::DecreaseRate;
-use super::triangle::{dot, rows, solve_transposed};
+use super::triangle::{copy_rows, dot, rows, solve_transposed};
 use crate::covariance::Covariance;
 use crate::error::Error;
 use crate::linalg::Real;
@@ -31,7 +31,7 @@ mod pieces;
 
 pub use super::jacobi::{Axes, Directions, ValuesOnly};
 
-use pieces::{copy_rows, Stage};
+use pieces::Stage;
 
 /// Budget of one slice that keeps it near 3,000 instructions on a Cortex-M4F.
 pub const SLICE: u32 = 400;

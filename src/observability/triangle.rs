@@ -97,11 +97,28 @@ pub(super) fn for_pairs<T: Real>(
 }
 
 /// Exchanges axes p < q of a symmetric matrix of n rows whose first p columns may already hold a factor.
-pub(super) fn exchange<T: Real>(a: &mut [T], n: usize, p: usize, q: usize) {
+fn exchange<T: Real>(a: &mut [T], n: usize, p: usize, q: usize) {
     for_pairs(a, n, p, q, core::mem::swap);
     let (x, y) = (at(a, p, p), at(a, q, q));
     set(a, p, p, y);
     set(a, q, q, x);
+}
+
+/// Brings the largest of what `left` holds from k on to row k.
+pub(super) fn pivot<T: Real>(a: &mut [T], n: usize, k: usize, left: &mut [T], order: &mut [u8]) {
+    let (mut best, mut largest) = (k, T::zero());
+    for (i, left) in (k..).zip(left.get(k..n).unwrap_or_default()) {
+        if *left > largest {
+            (best, largest) = (i, *left);
+        }
+    }
+    if best > k {
+        exchange(a, n, k, best);
+        if best < order.len() && k < order.len() && best < left.len() && k < left.len() {
+            order.swap(k, best);
+            left.swap(k, best);
+        }
+    }
 }
 
 /// Column k of a Cholesky factor in place, left-looking, once the columns before it are there:
@@ -234,6 +251,16 @@ pub(super) fn congruence_step<T: Real, const N: usize>(a: &mut [T], b: &[T], n: 
     }
 }
 
+/// x ← B⁻¹ x for a lower triangular B of n rows.
+pub(super) fn solve<T: Real>(b: &[T], n: usize, x: &mut [T]) {
+    for (i, b_row) in rows(b).enumerate().take(n) {
+        let (done, rest) = x.split_at_mut_checked(i).unwrap_or_default();
+        if let (Some(x_i), Some((pivot, left))) = (rest.first_mut(), b_row.split_last()) {
+            *x_i = (*x_i - dot(left, done)) / *pivot;
+        }
+    }
+}
+
 /// Solves Bᵀ x = x for a lower triangular B of n rows, in place.
 pub(super) fn solve_transposed<T: Real>(b: &[T], n: usize, x: &mut [T]) {
     for i in (0..n).rev() {
@@ -243,6 +270,22 @@ pub(super) fn solve_transposed<T: Real>(b: &[T], n: usize, x: &mut [T]) {
             *x_i /= b_row.last().copied().unwrap_or_else(T::one);
             for (x, b) in above.iter_mut().zip(b_row) {
                 *x -= *b * *x_i;
+            }
+        }
+    }
+}
+
+/// Rows and columns `order` of a packed symmetric matrix.
+pub(super) fn copy_rows<T: Real>(to: &mut [T], from: &[T], order: &[u8], n: usize) {
+    let mut to = to.iter_mut();
+    for i in order.iter().take(n) {
+        for j in order.iter().take(n) {
+            let (row, column) = (i.max(j), i.min(j));
+            if let Some(to) = to.next() {
+                *to = at(from, usize::from(*row), usize::from(*column));
+            }
+            if i == j {
+                break;
             }
         }
     }

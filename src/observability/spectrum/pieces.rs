@@ -5,7 +5,7 @@ use crate::covariance::Covariance;
 use crate::linalg::Real;
 use crate::observability::jacobi::{rotate, Rotation, Threshold};
 use crate::observability::triangle::{
-    at, congruence_step, divide_row, exchange, factor_column, gram_row, row,
+    at, congruence_step, copy_rows, divide_row, factor_column, gram_row, pivot, row,
 };
 
 /// Sweeps over all pairs before the iteration gives up. Covariances need 2 to 5; random dense matrices 5 to 7.
@@ -87,7 +87,7 @@ impl<T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'_, T, N, L, 
         let n = self.n;
         Ok(match stage {
             Stage::Factor { k } if k < n => {
-                self.pivot(k);
+                pivot(&mut self.a, n, k, &mut self.values, &mut self.order);
                 if !factor_column(&mut self.a, n, k, &mut self.values) {
                     return Err(self.state(k));
                 }
@@ -147,24 +147,6 @@ impl<T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'_, T, N, L, 
     /// The state in row k.
     fn state(&self, k: usize) -> u8 {
         self.order.get(k).copied().unwrap_or(0)
-    }
-
-    /// Brings the largest remaining diagonal element to row k.
-    fn pivot(&mut self, k: usize) {
-        let (mut best, mut largest) = (k, T::zero());
-        let left = self.values.get(k..self.n).unwrap_or_default();
-        for (i, left) in (k..).zip(left) {
-            if *left > largest {
-                (best, largest) = (i, *left);
-            }
-        }
-        if best > k {
-            exchange(&mut self.a, self.n, k, best);
-            if best < N && k < N {
-                self.order.swap(k, best);
-                self.values.swap(k, best);
-            }
-        }
     }
 
     /// The factor is there: keep it for the directions, and multiply.
@@ -275,22 +257,6 @@ impl<T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'_, T, N, L, 
             }
             if let Some(to) = self.rank.get_mut(place) {
                 *to = row as u8;
-            }
-        }
-    }
-}
-
-/// Rows and columns `order` of a packed symmetric matrix.
-pub(super) fn copy_rows<T: Real>(to: &mut [T], from: &[T], order: &[u8], n: usize) {
-    let mut to = to.iter_mut();
-    for i in order.iter().take(n) {
-        for j in order.iter().take(n) {
-            let (row, column) = (i.max(j), i.min(j));
-            if let Some(to) = to.next() {
-                *to = at(from, usize::from(*row), usize::from(*column));
-            }
-            if i == j {
-                break;
             }
         }
     }
