@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 mod common;
 
-use host_tests::input::rest;
+use host_tests::input::rest::{self, Flag};
+use host_tests::input::ImuReader;
 use host_tests::sim::{Position, Schedule, Sensor, SensorErrors, Simulator, DEG};
 use host_tests::stationary::{count, each, mems};
 use nalgebra::Vector3;
@@ -37,20 +38,25 @@ fn hand() -> StationarySettings {
 
 #[test]
 fn rests_of_the_annotated_recordings_are_found_and_nothing_else() {
-    // A rest is seen a window's length after it began.
-    assert!(hand().window <= 0.5);
+    // A rest is seen a window's length, and at most one block more, after it began.
+    assert!(hand().window * 1.2 <= 0.5);
     for case in ["hand_slow_rotation", "hand_slow_translation"] {
         let Some(folder) = recording(case) else {
             return;
         };
         let flags = rest::read(&folder.join("rest.csv")).unwrap();
-        // The limit as it follows from the noise, and half and ten times as much: the answer does not hang on it.
-        for factor in [1.0, 0.5, 10.0] {
+        // The limit as it follows from the noise, less than half of it and twice as much: the answer does not hang on it.
+        for factor in [1.0, 0.4, 2.0] {
             let settings = StationarySettings {
-                allowance: 2.0 * factor,
+                allowance: factor * hand().allowance,
                 ..hand()
             };
-            let c = count(&folder.join("imu.csv"), &flags, settings).unwrap();
+            let imu = folder.join("imu.csv");
+            let c = count(&imu, &flags, settings).unwrap();
+            for (t, rest, late) in lateness(&imu, &flags, settings) {
+                println!("{case}, {t:.2} s: rest {rest} said {late:.2} s later");
+                assert!(late <= 0.5);
+            }
             println!(
                 "{case}, limit times {factor}: {:.2} % of {:.1} s rest found, {:.3} % of {:.1} s moving called rest",
                 100.0 * c.found(),
@@ -60,10 +66,71 @@ fn rests_of_the_annotated_recordings_are_found_and_nothing_else() {
             );
             assert!(c.rest > 60.0 && c.moving > 120.0);
             assert!(c.wrong() <= 0.005);
-            // The half second in which the first window fills counts as missed: 0.7 %.
-            assert!(c.found() >= if factor < 1.0 { 0.9 } else { 0.96 });
+            // The time in which the first window fills counts as missed: 0.5 %.
+            assert!(c.found() >= 0.96);
         }
     }
+}
+
+/// Every change of the annotation: its time, whether a rest begins, and how much later the detector says the same. The
+/// beginning of the recording is one.
+fn lateness(imu: &Path, flags: &[Flag], settings: StationarySettings) -> Vec<(f64, bool, f64)> {
+    let mut said = Vec::new();
+    each(imu, settings, |t, _, look, _| {
+        said.push((t, look.is_some_and(|l| l.still)));
+    })
+    .unwrap();
+    let late = |flag: &Flag| {
+        let found = said
+            .iter()
+            .find(|s| s.0 >= flag.t && s.1 == flag.at_rest)
+            .unwrap();
+        (flag.t, flag.at_rest, found.0 - flag.t)
+    };
+    flags.iter().map(late).collect()
+}
+
+/// What has been put down is not at rest at once: the annotation is right that nobody moves it, and the sensor that it
+/// rings. A test for the noise alone says so and is a second late.
+#[test]
+fn a_sensor_that_has_been_put_down_rings_for_a_second() {
+    let Some(folder) = recording("hand_slow_rotation") else {
+        return;
+    };
+    let imu = folder.join("imu.csv");
+    let flags = rest::read(&folder.join("rest.csv")).unwrap();
+    let begins = flags.last().unwrap();
+    assert!(begins.at_rest && begins.t > 1.0);
+    // Variance from sample to sample in the tenths of a second after the annotated instant, over that of a later rest.
+    let samples: Vec<_> = ImuReader::open(&imu).unwrap().map(Result::unwrap).collect();
+    let energy = |from: f64, length: f64| {
+        let part = samples
+            .iter()
+            .filter(|s| (from..from + length).contains(&(s.t - begins.t)));
+        let rates: Vec<Vector3<f64>> = part
+            .map(|s| Vector3::from(s.delta_theta) / s.dt / DEG)
+            .collect();
+        let n = rates.len() as f64;
+        let mean = rates.iter().sum::<Vector3<f64>>() / n;
+        rates.iter().map(|w| (w - mean).norm_squared()).sum::<f64>() / n
+    };
+    let noise = energy(10.0, 10.0);
+    let ringing: Vec<f64> = (0..14)
+        .map(|k| energy(0.1 * f64::from(k), 0.1) / noise)
+        .collect();
+    println!(
+        "noise {:.3} °/s; energy over it by tenths of a second {ringing:.0?}",
+        (noise / 3.0).sqrt()
+    );
+    // It falls from three hundred times the noise, and after a second is still several times it.
+    assert!(ringing[0] > 100.0 && ringing[4] > 25.0 && ringing[9] > 5.0);
+    let strict = StationarySettings {
+        allowance: 2.0,
+        ..hand()
+    };
+    let late = lateness(&imu, &flags, strict).pop().unwrap().2;
+    println!("a limit for the noise alone: {late:.2} s late");
+    assert!((0.8..1.3).contains(&late));
 }
 
 #[test]
@@ -74,16 +141,28 @@ fn halts_of_a_walk() {
     // 0.045 °/s and 0.0018 m/s² at 100 Hz, from the first seconds on the ground: a far better sensor, worn by a person
     // who sways: 1 °/s and 0.05 m/s² in a tenth of a second.
     let table = mems(0.0045, 18.0);
+    let samples: Vec<_> = ImuReader::open(&folder.join("imu.csv"))
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
     let person = StationarySettings {
         residual_rate: 1f32.to_radians(),
         residual_accel: 0.05,
         residual_velocity: 0.05,
+        allowance: 2.0, // what it moves by is told
         ..table
     };
     for (name, settings) in [("as on a table", table), ("as on a person", person)] {
         let (mut halts, mut was, mut still, mut all, mut first) = (0, false, 0.0, 0.0, 0.0);
+        let (mut fast, mut wrong, mut k) = (0.0, 0.0, 0);
         each(&folder.join("imu.csv"), settings, |_, dt, look, _| {
             let now = look.is_some_and(|l| l.still);
+            let rate = Vector3::from(samples[k].delta_theta).norm() / dt;
+            k += 1;
+            if rate > 5.0 * DEG {
+                fast += dt;
+                wrong += if now { dt } else { 0.0 };
+            }
             halts += usize::from(now && !was);
             was = now;
             all += dt;
@@ -97,8 +176,14 @@ fn halts_of_a_walk() {
         // No annotation; a crude detector finds 19 halts. The recording begins with 16 s of standing, and a walk of some
         // ten stretches of two seconds is in it. On a person, halts are no longer cut by swaying.
         assert!((15.0..=16.5).contains(&first));
-        assert!((10..=30).contains(&halts) && still < 0.85 * all);
-        assert!(settings == table || still > 0.6 * all);
+        assert!((10..=30).contains(&halts));
+        assert!((0.5..0.95).contains(&(still / all)));
+        // Nobody who turns by 5 °/s stands; who may sway by 1 °/s does, now and then.
+        println!(
+            "  {:.2} % of {fast:.1} s of fast turning called rest",
+            100.0 * wrong / fast
+        );
+        assert!(fast > 13.0 && (settings == person || wrong <= 0.005 * fast));
     }
 }
 
@@ -160,8 +245,8 @@ fn a_rest_teaches_the_gyro_bias() {
             filter.update(&rotation.linearize(filter.nav())).unwrap();
         }
     }
-    // Windows of 145 samples, 0.5075 s; a limit of twice the 0.9999 quantile is never reached in 590 looks.
-    assert_eq!((updates, missed), (118, 0));
+    // Blocks of 22 samples, 0.077 s, five to an update; a limit of 25 times the 0.9999 quantile is never reached.
+    assert_eq!((updates, missed), (155, 0));
     for axis in 0..3 {
         let sigma = filter.sigma(BG + axis).unwrap();
         let error = sensor.errors.gyro_bias[axis] as f32 - filter.nav().b_g()[axis];
@@ -269,7 +354,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     let looks: Vec<_> = (0..100)
         .filter_map(|_| detector.take(&falling).unwrap())
         .collect();
-    assert_eq!(looks.len(), 6);
+    assert_eq!(looks.len(), 8);
     assert!(looks
         .iter()
         .all(|l| !l.still && l.scatter < 1e-3 && l.updates.is_none()));
