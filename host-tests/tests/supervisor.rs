@@ -9,16 +9,16 @@ use host_tests::input::ImuReader;
 use host_tests::sim::{navigation_grade, Sensor, SensorErrors, Simulator, Static};
 use nalgebra::Vector3;
 use navsight::alignment::gate::{Gate, Plan};
-use navsight::alignment::standing::{Progress, StandingAlignment};
+use navsight::alignment::heading_source::HeadingSource;
+use navsight::alignment::levelling::{self, Levelling};
+use navsight::alignment::standing::{self, Progress, StandingAlignment};
 use navsight::alignment::supervisor::{Status, Supervisor};
-use navsight::attitude::Euler;
 use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::{BiasModel, NoiseDensity, ATT, N};
-use navsight::filter::{Filter, Prior, Settings};
+use navsight::filter::{Prior, Settings};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::measurement::ZeroVelocity;
-use navsight::nav::NavState;
 use navsight::observability::verdict::{Limits, Verdict};
 
 const HEADING: usize = ATT + 2;
@@ -139,32 +139,13 @@ fn a_sensor_that_cannot_feel_the_earth_turn_never_claims_heading() {
         return;
     }
     let samples = mems(&path, 900.0);
-    let dt = samples[0].dt;
-    let sum = |n: usize| {
-        let mut sums = (Vector3::zeros(), Vector3::zeros());
-        for s in &samples[..n] {
-            sums.0 += s.delta_theta_b.cast::<f64>();
-            sums.1 += s.delta_v_b.cast::<f64>();
-        }
-        let t = n as f64 * f64::from(dt);
-        (sums.0 / t, sums.1 / t)
-    };
-    // The first minute levels it and gives the gyro biases, 0.6 °/s together, to an earth rate.
-    let start = 6000;
-    let (rate, force) = sum(start);
-    let up = force.normalize();
-    let attitude = Euler {
-        heading: 0.0,
-        pitch: up.y.asin() as f32,
-        roll: (-up.x).atan2(up.z) as f32,
-    };
     let rad = 1f32.to_radians();
     let sigma_a = 0.01 * 9.8; // 10 mg
     let prior = Prior {
         position: [10.0; 3],
         velocity: [0.1; 3],
-        attitude: [5.0 * rad, 5.0 * rad, 104.0 * rad],
-        gyro_bias: [100.0 * rad / 3600.0; 3],
+        attitude: [5.0 * rad, 5.0 * rad, 0.0],
+        gyro_bias: [0.6 * rad; 3],
         accel_bias: [sigma_a; 3],
     };
     // Allan deviations of the recording at 1 s; its gyro biases wander by 27 °/h in 100 s, the others by 0.5 mg.
@@ -179,13 +160,20 @@ fn a_sensor_that_cannot_feel_the_earth_turn_never_claims_heading() {
         gate: None,
     };
     let at = Geodetic::from_degrees(40.0, 0.0, 0.0);
-    let nav = NavState::new(at, Vector3::zeros(), attitude).unwrap();
-    let nav = nav
-        .with_biases(rate.cast::<f32>(), Vector3::zeros())
-        .unwrap();
-    let mut filter = Filter::new(nav, &prior, settings).unwrap();
+    // The library says by itself that it takes a heading from somebody else, and levels in the first minute.
+    let plan = standing::Plan {
+        coarse_duration: 60.0,
+        zero_velocity: ZeroVelocity::new(0.01, 1.0).unwrap(),
+        turning: rad,
+    };
+    let told = StandingAlignment::with_heading(at, plan, prior, settings, None).unwrap();
+    assert_eq!(told.heading_source(), HeadingSource::Nobody);
+    let (window, rest) = samples.split_at(6000);
+    let mut levelling = Levelling::new(settings.limits);
+    window.iter().for_each(|s| levelling.take(s).unwrap());
+    let (_, mut filter) = levelling.start(at, None, &prior, settings).unwrap();
     let mut gate = Gate::new(Plan {
-        always: 1 << HEADING,
+        always: levelling::HEADING,
         ..Plan::BIASES
     })
     .unwrap();
@@ -193,7 +181,7 @@ fn a_sensor_that_cannot_feel_the_earth_turn_never_claims_heading() {
         Supervisor::new(filter.sigma0(), &required(1.0, 2.0), Limits::DEFAULT).unwrap();
     let standing = ZeroVelocity::new(0.01, 1.0).unwrap();
     let mut reasons = Vec::new();
-    for (k, sample) in samples.iter().enumerate() {
+    for (k, sample) in rest.iter().enumerate() {
         filter.propagate(sample).unwrap();
         if (k + 1) % 100 != 0 {
             continue;
@@ -223,8 +211,8 @@ fn a_sensor_that_cannot_feel_the_earth_turn_never_claims_heading() {
     let text = supervisor.sentence().to_string();
     assert!(text.contains("heading: No"), "{text}");
 
-    // The level it found is that of the mean specific force of the whole span,
-    let (_, force) = sum(samples.len());
+    // The level it found is that of the mean specific force of the whole span, 900 s,
+    let force: Vector3<f64> = samples.iter().map(|s| s.delta_v_b.cast::<f64>()).sum();
     let c = filter.nav().c_b_n().cast::<f64>();
     let tilt = force.normalize().angle(&c.row(2).transpose()).to_degrees();
     println!("level within {tilt:.4}° of the mean specific force");

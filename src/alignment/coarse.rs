@@ -42,6 +42,9 @@ pub struct CoarseSolution {
     pub sigma_heading: f32,
     /// Standard deviation of the level from the scatter of the window [rad], without the accelerometer bias.
     pub sigma_level: f32,
+    /// Standard deviation per level axis of the velocity about the fit, if it were white from second to second [m/s]: what
+    /// people and wind move the vehicle by. 0 where nothing was fitted.
+    pub motion: f32,
     /// Mean specific force over normal gravity: 1 for a good sensor at rest.
     pub gravity_ratio: f32,
     /// Turn of gravity towards the east over the one expected: 1 for a sensor that feels the earth turn; 0 where it was not
@@ -142,6 +145,14 @@ impl CoarseAlignment {
         }
     }
 
+    /// Attitude at the first sample, from the one that a solution (or somebody else) has at the last: the gyros have
+    /// counted how the body turned between, and the level frame has turned with the earth.
+    pub fn at_start(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
+        let omega = omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat));
+        let [w, x, y, z] = rotation_minus_one(&(omega * self.time.hi));
+        rotation([1.0 + w, x, y, z]) * c_b_n * self.frame.c_b_b0().transpose()
+    }
+
     /// Fits the window.
     ///
     /// Errors: [`Error::Time`] for fewer than [`MIN_POINTS`] velocity points (8.25 s); [`Error::OutOfRange`] when the
@@ -201,7 +212,8 @@ impl CoarseAlignment {
             }
         }
         let rho = (product1 / square).clamp(0.0, 0.99);
-        let var = square / (n - 3.0) * (1.0 + rho) / (1.0 - rho);
+        let scatter = square / (n - 3.0);
+        let var = scatter * (1.0 + rho) / (1.0 - rho);
         let expected = f_norm * omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat)).y;
         let sigma_turn = libm::sqrtf(var / norm2) * (2.0 / (half * half));
         let sigma_level = libm::sqrtf(var / norm1) / half / f_norm;
@@ -215,6 +227,7 @@ impl CoarseAlignment {
             c_b_n: rotation([1.0 + w, x, y, z]) * c_middle * self.frame.c_b_b0(),
             sigma_heading: (sigma_turn / expected).min(UNKNOWN_HEADING),
             sigma_level,
+            motion: libm::sqrtf(scatter.max(var * spacing)),
             gravity_ratio,
             earth_rate_ratio: east_norm / expected,
         })

@@ -44,6 +44,25 @@ impl InertialFrame {
         rotation(middle) * motion.delta_v_mid
     }
 
+    /// b₀ is the body frame of now; what coning and sculling need of the last sample stays.
+    pub fn restart(&mut self) {
+        self.q = Self::new().q;
+    }
+
+    /// Rotation vector from b₀ to the body frame of the last sample [rad], up to half a turn.
+    pub fn turned(&self) -> Vector3<f32> {
+        let [w, x, y, z] = self.q;
+        let v = Vector3::new(x.hi, y.hi, z.hi);
+        let sin = v.norm();
+        // below it, the angle is its sine to 1e-9 of itself
+        let scale = if sin > 1e-4 {
+            2.0 * libm::atan2f(sin, w.hi) / sin
+        } else {
+            2.0
+        };
+        v * scale
+    }
+
     /// C from the body frame of the last sample to b₀.
     pub fn c_b_b0(&self) -> Matrix3<f32> {
         let [w, x, y, z] = self.q;

@@ -11,9 +11,22 @@
 
 use nalgebra::Vector3;
 
+use super::coarse::UNKNOWN_HEADING;
+use super::heading_source::OutsideHeading;
+use crate::attitude::Euler;
+use crate::earth::{Geodetic, Local};
 use crate::error::Error;
+use crate::error_model::ATT;
+use crate::filter::{Filter, Prior, Settings};
 use crate::imu::{ImuIncrement, ImuLimits};
 use crate::linalg::Two;
+use crate::measurement::ZeroRotation;
+use crate::nav::NavState;
+
+/// No mean rate is taken for better than this, 0.01 °/h [rad/s]: settings without gyro noise are possible.
+const MIN_RATE_SIGMA: f32 = 5e-8;
+/// The heading, as a bit.
+pub const HEADING: u16 = 1 << (ATT + 2);
 
 /// Length of a block, whose means scatter as the level does [s].
 const BLOCK: f32 = 1.0;
@@ -128,5 +141,54 @@ impl Levelling {
             rate: Vector3::new(tx.hi, ty.hi, tz.hi) / time,
             force,
         })
+    }
+
+    /// Starts a filter from the window: level, with a heading from outside, and the mean rate as a zero-rotation update.
+    /// The level is known as `prior` says, or as the window scatters where that is more.
+    ///
+    /// Without a heading any is assumed, nothing is known of it, and the filter holds it ([`Filter::consider`]): levels and
+    /// biases are learnt as far as they can be, and the verdict about the heading is *unseen*. Left free, a linear
+    /// filter would teach itself a heading from its own noise. With a [`super::gate::Gate`], which decides what is held,
+    /// put [`HEADING`] into its `always`. Start anew when somebody knows the heading.
+    ///
+    /// # Errors
+    /// Those of [`Levelling::solve`], [`NavState::new`] and [`Filter::new`]; [`Error::OutOfRange`] for a direction from
+    /// outside that is upright.
+    pub fn start(
+        &self,
+        position: Geodetic,
+        outside: Option<&OutsideHeading>,
+        prior: &Prior,
+        settings: Settings,
+    ) -> Result<(Level, Filter), Error> {
+        let local = Local::at(position.lat as f32, position.height as f32);
+        let level = self.solve(local.gravity)?;
+        let (pitch, roll) = (level.pitch, level.roll);
+        let (heading, sigma) = match outside {
+            Some(outside) => {
+                let heading = outside.heading(pitch, roll).ok_or(Error::OutOfRange)?;
+                (heading, outside.sigma())
+            }
+            None => (0.0, UNKNOWN_HEADING),
+        };
+        let euler = Euler {
+            heading,
+            pitch,
+            roll,
+        };
+        let mut prior = *prior;
+        let [east, north, _] = prior.attitude;
+        prior.attitude = [east.max(level.sigma), north.max(level.sigma), sigma];
+        let nav = NavState::new(position, Vector3::zeros(), euler)?;
+        let mut filter = Filter::new(nav, &prior, settings)?;
+        if outside.is_none() {
+            filter.consider(HEADING);
+        }
+        // The mean rate is the gyro bias and the earth rate. As a measurement, and not as a better prior: what the heading is
+        // wrong by is in the bias then, and the two cancel in all that follows.
+        let noise = libm::sqrtf(settings.noise.attitude / self.time());
+        let still = ZeroRotation::new(level.rate, noise.max(MIN_RATE_SIGMA), 0.0)?;
+        filter.update(&still.linearize(filter.nav()))?;
+        Ok((level, filter))
     }
 }

@@ -8,7 +8,7 @@
 //! | [`in_motion`] | attitude of a moving vehicle from satellite velocities, heading unknown at the start |
 //! | [`gate`] | holds states that cannot be seen just now (Schmidt update); off unless used |
 //! | [`planner`] | which manoeuvre would help, tried on a copy of the covariance |
-//! | [`standing`] | coarse window, then the filter with zero-velocity updates, through turns to further positions |
+//! | [`standing`] | coarse window, then the filter with zero-velocity updates (the samples of the window once more, where there is room for them), through turns to further positions |
 //! | [`carry`] | the biases of one alignment, with their covariance, into the next: power-off between two positions |
 //! | [`north_bias`] | Peng's observation of the north gyro bias from one position in the next |
 //! | [`stationary`] | at rest or not, and the zero-velocity and zero-rotation updates of a rest |
@@ -32,3 +32,4 @@ pub mod planner;
 pub mod standing;
 pub mod stationary;
 pub mod supervisor;
+mod window;

@@ -1,20 +1,36 @@
 //! Alignment at a standstill, from the first sample to the last: a coarse window, then the filter with a zero-velocity
 //! update at every interval, except while the vehicle turns to another position.
+//!
+//! # Using the coarse window again
+//!
+//! The coarse window has an attitude to give and the filter has more to learn from the same samples: the level is
+//! known to the velocity noise of a minute, and the rate at which it turns is heading. [`StandingAlignment::reusing`]
+//! keeps the window as K sums of one interval each (28 bytes a sum: 1.7 KiB for a minute of 1 s) and starts the filter at
+//! the *first* sample of the window. It then lives through the window faster than time passes, in steps of
+//! [`Settings::propagation_interval`], four times the length of a sample in each call and at least one step; after a third of
+//! the window's length or less it has caught up. No call costs more than a propagation and an update.
+//!
+//! What the samples say must not count twice. So the filter starts from the attitude of the window, which only says where
+//! to linearise, and not with its σ: the standard deviations are those of the prior and at least [`WIDER`] times the scatter.
+//! What is counted twice is then at most 1/[`WIDER`]² of what the window said, 4 % of a variance, and nothing once more is
+//! learnt. And the window knows how much it was shaken ([`CoarseSolution::motion`]): where that is more than the plan
+//! says, its updates say so. Checked by the normalised errors over seeds: `host-tests/tests/coarse_reuse.rs`.
 
-use super::coarse::{CoarseAlignment, CoarseSolution};
+use super::coarse::{CoarseAlignment, CoarseSolution, UNKNOWN_HEADING};
 use super::heading_source::{choose, earth_rate_sigma, HeadingSource, OutsideHeading};
 use super::levelling::{Level, Levelling};
+use super::window::Window;
 use crate::attitude::Euler;
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
 use crate::filter::{Filter, Prior, Settings, UpdateReport};
 use crate::imu::ImuIncrement;
-use crate::measurement::{ZeroRotation, ZeroVelocity};
+use crate::measurement::ZeroVelocity;
 use crate::nav::NavState;
 use nalgebra::Vector3;
 
-/// No mean rate is taken for better than this, 0.01 °/h [rad/s]: settings without gyro noise are possible.
-const MIN_RATE_SIGMA: f32 = 5e-8;
+/// Where the samples of the coarse window are used again, the filter starts with at least so many times its scatter.
+pub const WIDER: f32 = 5.0;
 
 /// How a standing vehicle is aligned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,9 +75,9 @@ pub enum Progress {
     Updated(UpdateReport<3>),
 }
 
-/// The alignment of a standing vehicle.
+/// The alignment of a standing vehicle; K sums of the coarse window are kept for the filter.
 #[derive(Clone, Debug)]
-pub struct StandingAlignment {
+pub struct StandingAlignment<const K: usize = 0> {
     position: Geodetic,
     plan: Plan,
     prior: Prior,
@@ -77,6 +93,21 @@ pub struct StandingAlignment {
     turned: Vector3<f32>,
     /// Seconds since then.
     waited: f32,
+    /// What the filter has not seen yet.
+    window: Window<K>,
+    /// The sum at work, a step of it and how many are left; None: the filter has caught up.
+    behind: Option<Part>,
+    /// What the window was shaken by, squared, (m/s)², and how many sums of it are left.
+    shaken: f32,
+    of_window: usize,
+}
+
+/// A sum of the window, cut into equal steps.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    whole: ImuIncrement,
+    step: ImuIncrement,
+    left: u16,
 }
 
 #[derive(Clone, Debug)]
@@ -98,23 +129,7 @@ impl StandingAlignment {
         prior: Prior,
         settings: Settings,
     ) -> Result<Self, Error> {
-        plan.check()?;
-        prior.sigma0()?;
-        settings.check()?;
-        let stage = Stage::Coarse(CoarseAlignment::new(&position, settings.limits)?);
-        Ok(Self {
-            position,
-            plan,
-            prior,
-            settings,
-            outside: None,
-            source: HeadingSource::EarthRate,
-            earth_rate_sigma: 0.0,
-            level: None,
-            stage,
-            turned: Vector3::zeros(),
-            waited: 0.0,
-        })
+        Self::reusing(position, plan, prior, settings)
     }
 
     /// As [`StandingAlignment::new`] for a sensor that may not feel the earth turn, and a heading from outside where there
@@ -126,7 +141,7 @@ impl StandingAlignment {
     /// rate is used as a zero-rotation update, the heading is the one from outside, and [`Progress::Started`] has an
     /// earth rate ratio of 0. Where nobody knows the heading well enough, one window of levelling follows the other
     /// ([`StandingAlignment::level`]) until [`StandingAlignment::set_heading`] helps: a linear filter that starts with an
-    /// unknown heading soon believes in a wrong one.
+    /// unknown heading soon believes in a wrong one. [`Levelling::start`] has a filter that holds the heading meanwhile.
     ///
     /// Errors: as [`StandingAlignment::new`]; a direction that is upright when the window closes has no azimuth:
     /// [`Error::OutOfRange`] from [`StandingAlignment::take`].
@@ -149,6 +164,53 @@ impl StandingAlignment {
         alignment.outside = outside;
         alignment.stage = alignment.window()?;
         Ok(alignment)
+    }
+
+    /// Starts with an attitude from elsewhere: no coarse window, the filter runs at once.
+    ///
+    /// Errors: as [`StandingAlignment::new`].
+    pub fn from_filter(filter: Filter, plan: Plan, prior: Prior) -> Result<Self, Error> {
+        let (position, settings) = (filter.nav().position(), *filter.settings());
+        let mut alignment = Self::new(position, plan, prior, settings)?;
+        alignment.source = HeadingSource::Outside;
+        alignment.stage = Stage::Fine(filter);
+        Ok(alignment)
+    }
+}
+
+impl<const K: usize> StandingAlignment<K> {
+    /// As [`StandingAlignment::new`], and the filter uses the samples of the coarse window again, kept as K sums of one
+    /// interval each; a longer window is kept in longer sums. `prior` is what is known *without* the window. The filter runs
+    /// behind time at first ([`StandingAlignment::is_behind`]).
+    ///
+    /// Errors: as [`StandingAlignment::new`].
+    pub fn reusing(
+        position: Geodetic,
+        plan: Plan,
+        prior: Prior,
+        settings: Settings,
+    ) -> Result<Self, Error> {
+        plan.check()?;
+        prior.sigma0()?;
+        settings.check()?;
+        let stage = Stage::Coarse(CoarseAlignment::new(&position, settings.limits)?);
+        Ok(Self {
+            position,
+            plan,
+            prior,
+            settings,
+            outside: None,
+            source: HeadingSource::EarthRate,
+            earth_rate_sigma: 0.0,
+            level: None,
+            stage,
+            turned: Vector3::zeros(),
+            waited: 0.0,
+            window: Window::new(plan.zero_velocity.interval()),
+            behind: None,
+            shaken: 0.0,
+            of_window: 0,
+        })
     }
 
     /// Where the heading comes from.
@@ -184,27 +246,6 @@ impl StandingAlignment {
         })
     }
 
-    /// Starts with an attitude from elsewhere: no coarse window, the filter runs at once.
-    ///
-    /// Errors: as [`StandingAlignment::new`].
-    pub fn from_filter(filter: Filter, plan: Plan, prior: Prior) -> Result<Self, Error> {
-        plan.check()?;
-        let (position, settings) = (filter.nav().position(), *filter.settings());
-        Ok(Self {
-            position,
-            plan,
-            prior,
-            settings,
-            outside: None,
-            source: HeadingSource::Outside,
-            earth_rate_sigma: 0.0,
-            level: None,
-            stage: Stage::Fine(filter),
-            turned: Vector3::zeros(),
-            waited: 0.0,
-        })
-    }
-
     /// The filter, once it runs.
     pub fn filter(&self) -> Option<&Filter> {
         match &self.stage {
@@ -222,6 +263,7 @@ impl StandingAlignment {
         match &mut self.stage {
             Stage::Coarse(coarse) => {
                 coarse.take(imu)?;
+                self.window.add(imu);
                 if coarse.time() < self.plan.coarse_duration {
                     return Ok(Progress::Coarse);
                 }
@@ -234,24 +276,91 @@ impl StandingAlignment {
                 }
                 self.close_window()
             }
+            Stage::Fine(_) if self.behind.is_some() => {
+                imu.check(&self.settings.limits)?;
+                self.window.add(imu);
+                self.catch_up(4.0 * imu.dt)
+            }
             Stage::Fine(filter) => {
                 filter.propagate(imu)?;
-                self.turned += imu.delta_theta_b;
-                self.waited += imu.dt;
-                // Half a sample early rather than half a sample late, whatever the rounding of the sum.
-                if self.waited + 0.5 * imu.dt < self.plan.zero_velocity.interval() {
-                    return Ok(Progress::Between);
-                }
-                let turning = self.turned.norm() > self.plan.turning * self.waited;
-                self.turned = Vector3::zeros();
-                self.waited = 0.0;
-                if turning {
-                    return Ok(Progress::Turning);
-                }
-                let measurement = self.plan.zero_velocity.linearize(filter.nav());
-                filter.update(&measurement).map(Progress::Updated)
+                self.stand(imu, imu.dt)
             }
         }
+    }
+
+    /// Whether the filter is still in the past, with the samples of the coarse window before it.
+    pub fn is_behind(&self) -> bool {
+        self.behind.is_some()
+    }
+
+    /// The filter has moved by this: an update where one is due. `sample`: length of a step [s].
+    fn stand(&mut self, moved: &ImuIncrement, sample: f32) -> Result<Progress, Error> {
+        let Stage::Fine(filter) = &mut self.stage else {
+            return Ok(Progress::Between);
+        };
+        self.turned += moved.delta_theta_b;
+        self.waited += moved.dt;
+        // Half a sample early rather than half a sample late, whatever the rounding of the sum.
+        if self.waited + 0.5 * sample < self.plan.zero_velocity.interval() {
+            return Ok(Progress::Between);
+        }
+        let turning = self.turned.norm() > self.plan.turning * self.waited;
+        self.turned = Vector3::zeros();
+        self.waited = 0.0;
+        if turning {
+            return Ok(Progress::Turning);
+        }
+        let mut measurement = self.plan.zero_velocity.linearize(filter.nav());
+        if self.of_window > 0 {
+            measurement.r.apply(|r| *r = r.max(self.shaken));
+        }
+        filter.update(&measurement).map(Progress::Updated)
+    }
+
+    /// Takes the filter through the window for this time [s], and at least one step; no further than to the next update.
+    fn catch_up(&mut self, time: f32) -> Result<Progress, Error> {
+        let mut done = 0.0;
+        while done < time {
+            let Some(mut part) = self.behind else {
+                return Ok(Progress::Between);
+            };
+            if let Stage::Fine(filter) = &mut self.stage {
+                filter.propagate(&part.step)?;
+            }
+            done += part.step.dt;
+            part.left = part.left.saturating_sub(1);
+            if part.left > 0 {
+                self.behind = Some(part);
+                continue;
+            }
+            // The sums were closed within half a sample of the interval.
+            self.behind = self.next_part();
+            let progress = self.stand(&part.whole, part.step.dt);
+            self.of_window = self.of_window.saturating_sub(1);
+            let progress = progress?;
+            if progress != Progress::Between {
+                return Ok(progress);
+            }
+        }
+        Ok(Progress::Between)
+    }
+
+    /// The next sum of the window, or what is open.
+    fn next_part(&mut self) -> Option<Part> {
+        let whole = self.window.pop().or_else(|| self.window.pop_open())?;
+        let step = self.settings.propagation_interval.clamp(0.01, 0.1);
+        let steps = libm::ceilf(whole.dt / step.min(self.settings.limits.dt_max) - 0.01).max(1.0);
+        let share = 1.0 / steps;
+        let step = ImuIncrement {
+            delta_theta_b: whole.delta_theta_b * share,
+            delta_v_b: whole.delta_v_b * share,
+            dt: whole.dt * share,
+        };
+        Some(Part {
+            whole,
+            step,
+            left: steps as u16,
+        })
     }
 
     /// Solves the window and starts the filter, or begins a new window.
@@ -264,7 +373,9 @@ impl StandingAlignment {
                 self.level = Some(level?);
                 return Ok(Progress::Coarse);
             }
-            Stage::Coarse(coarse) => coarse.solve().and_then(|found| self.gyrocompass(found)),
+            Stage::Coarse(coarse) => coarse
+                .solve()
+                .and_then(|found| self.gyrocompass(coarse, found)),
             Stage::Level(level) => self.levelled(level).map(|(s, f)| (s, f, self.source)),
             Stage::Fine(_) => return Ok(Progress::Between),
         };
@@ -272,10 +383,15 @@ impl StandingAlignment {
             Ok((solution, filter, source)) => {
                 self.source = source;
                 self.stage = Stage::Fine(filter);
+                self.shaken = solution.motion * solution.motion;
+                // the open one is the last
+                self.of_window = if K > 0 { self.window.len() + 1 } else { 0 };
+                self.behind = self.next_part();
                 Ok(Progress::Started(solution))
             }
             Err(error) => {
                 self.stage = self.window()?;
+                self.window = Window::new(self.plan.zero_velocity.interval());
                 Err(error)
             }
         }
@@ -284,6 +400,7 @@ impl StandingAlignment {
     /// The filter of an inertial-frame window.
     fn gyrocompass(
         &self,
+        window: &CoarseAlignment,
         mut solution: CoarseSolution,
     ) -> Result<(CoarseSolution, Filter, HeadingSource), Error> {
         let mut prior = self.prior;
@@ -299,13 +416,17 @@ impl StandingAlignment {
                 source = HeadingSource::Outside;
             }
         }
-        let scatter = [
-            solution.sigma_level,
-            solution.sigma_level,
-            solution.sigma_heading,
-        ];
-        for (sigma, scatter) in prior.attitude.iter_mut().zip(scatter) {
-            *sigma = sigma.max(scatter);
+        let wider = if K > 0 { WIDER } else { 1.0 };
+        let level = wider * solution.sigma_level;
+        let heading = match source {
+            HeadingSource::Outside => solution.sigma_heading,
+            _ => (wider * solution.sigma_heading).min(UNKNOWN_HEADING),
+        };
+        for (sigma, least) in prior.attitude.iter_mut().zip([level, level, heading]) {
+            *sigma = sigma.max(least);
+        }
+        if K > 0 {
+            euler = Euler::from_c_b_n(&window.at_start(&solution.c_b_n));
         }
         let nav = NavState::new(self.position, Vector3::zeros(), euler)?;
         Ok((solution, Filter::new(nav, &prior, self.settings)?, source))
@@ -313,32 +434,15 @@ impl StandingAlignment {
 
     /// The filter of a window of plain means.
     fn levelled(&self, window: &Levelling) -> Result<(CoarseSolution, Filter), Error> {
-        let local = Local::at(self.position.lat as f32, self.position.height as f32);
-        let level = window.solve(local.gravity)?;
-        let (pitch, roll) = (level.pitch, level.roll);
         let outside = self.outside.as_ref().ok_or(Error::OutOfRange)?;
-        let heading = outside.heading(pitch, roll).ok_or(Error::OutOfRange)?;
-        let sigma_heading = outside.sigma();
-        let euler = Euler {
-            heading,
-            pitch,
-            roll,
-        };
-        let c_b_n = euler.c_b_n();
-        let mut prior = self.prior;
-        let [east, north, _] = prior.attitude;
-        prior.attitude = [east.max(level.sigma), north.max(level.sigma), sigma_heading];
-        let nav = NavState::new(self.position, Vector3::zeros(), euler)?;
-        let mut filter = Filter::new(nav, &prior, self.settings)?;
-        // The mean rate is the gyro bias and the earth rate. As a measurement, and not as a better prior: what the heading is
-        // wrong by is in the bias then, and the two cancel in all that follows.
-        let noise = libm::sqrtf(self.settings.noise.attitude / window.time());
-        let still = ZeroRotation::new(level.rate, noise.max(MIN_RATE_SIGMA), 0.0)?;
-        filter.update(&still.linearize(filter.nav()))?;
+        let (level, filter) =
+            window.start(self.position, Some(outside), &self.prior, self.settings)?;
+        let local = Local::at(self.position.lat as f32, self.position.height as f32);
         let solution = CoarseSolution {
-            c_b_n,
-            sigma_heading,
+            c_b_n: filter.nav().c_b_n(),
+            sigma_heading: outside.sigma(),
             sigma_level: level.sigma,
+            motion: 0.0,
             gravity_ratio: level.force / local.gravity,
             earth_rate_ratio: 0.0,
         };

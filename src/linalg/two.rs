@@ -15,7 +15,7 @@ pub fn two_add<T: Real>(hi: T, lo: T, d: T) -> (T, T) {
 }
 
 /// A number held as the sum of two f32 words, for states that grow by increments far below their last place.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Two {
     /// The number to f32 precision.
