@@ -13,7 +13,7 @@
 
 use core::fmt;
 
-use super::ceiling::{ceiling, unseen_share, unseen_space};
+use super::ceiling::{ceiling, unseen_share, unseen_space, MARGIN};
 use super::comprehensive::of_state;
 use super::pwcs::{Kind, Staged};
 use super::structural::Class;
@@ -51,7 +51,7 @@ impl Flag {
 pub struct Limits<T> {
     /// Below this ξ2 nothing has been learnt to speak of. Default 2: the variance has halved.
     pub learnt: T,
-    /// How far ξ2 may rise above its ceiling, relatively. Default 0.1: re-linearisation explains 5 %, Markov biases 2 %.
+    /// How far ξ2 may rise above its ceiling, relatively. Default [`MARGIN`], as the verdict's.
     pub margin: T,
     /// Couplings below this are left out. Default 1e-6 of the row, prior-weighted: rounding.
     pub coupling: T,
@@ -61,7 +61,7 @@ impl<T: Real> Default for Limits<T> {
     fn default() -> Self {
         Self {
             learnt: T::of(2.0),
-            margin: T::of(0.1),
+            margin: T::of(MARGIN),
             coupling: T::of(1e-6),
         }
     }

@@ -281,7 +281,9 @@ impl Verdicts {
         })
     }
 
-    /// Ceilings of ξ2 for what has been driven so far ([`super::ceiling`]); None: no ceiling, or not known.
+    /// Ceilings of ξ2 for what has been driven so far ([`super::ceiling`]); None: no ceiling, or not known. Those of one
+    /// position end with a turn, and those of tilts and accelerometers with a tilt of the vehicle
+    /// ([`super::ceiling::tilt_excess`]).
     pub fn set_ceilings(&mut self, ceilings: &[Option<f32>; N]) {
         for (state, ceiling) in self.states.iter_mut().zip(ceilings) {
             state.ceiling = ceiling.filter(|c| c.is_finite());

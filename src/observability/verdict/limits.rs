@@ -1,5 +1,6 @@
 //! Thresholds of the verdict, each with where it comes from.
 
+use super::super::ceiling::MARGIN;
 use crate::error::Error;
 
 /// Where one verdict ends and the next begins.
@@ -23,10 +24,9 @@ pub struct Limits {
     pub seen: f32,
     /// A state is at its ceiling from this part of it on. Default 0.9: the rest is worth 5 % of σ.
     pub near_ceiling: f32,
-    /// How far ξ2 may stand above the ceiling. Default 0.5, a σ boasting by 22 %: re-linearising about a noisy attitude
-    /// lifts an honest closed loop by 5 % (404 → 424 measured), a Markov bias by 2.5 % (404 → 414), and half an hour on a
-    /// vehicle that people and wind move lifts tilt and level accelerometers by 19 % (`laser_static`), while a filter that
-    /// learns from its own linearisation goes past it by factors (a MEMS sensor that claims a heading: 2000).
+    /// How far ξ2 may stand above the ceiling, relatively. Default [`MARGIN`], 0.1, with its derivation there: what
+    /// re-linearisation and Markov biases explain. A vehicle that tilts has no ceiling of one position any more
+    /// ([`super::super::ceiling::tilt_excess`]).
     pub margin: f32,
     /// σ that has grown again: variance over the best reached. Default 2.25, σ by one half.
     pub regress: f32,
@@ -56,7 +56,7 @@ impl Limits {
         learnt: 2.0,
         seen: 1.1,
         near_ceiling: 0.9,
-        margin: 0.5,
+        margin: MARGIN as f32,
         regress: 2.25,
         nis: 4.0,
         silent: 1e-4,
