@@ -28,6 +28,7 @@ use crate::input::reference::{self, Attitude};
 use crate::input::rest::{self, Flag};
 use crate::input::{Axes, ImuReader, ImuSample};
 
+mod evidence;
 mod pages;
 mod tally;
 mod verdicts;
@@ -470,9 +471,16 @@ impl<'a> Replay<'a> {
         self.tally.innovations(reports);
         let (xi1, xi2) = xi(reports)?;
         self.tally.last = Some(Last { xi1, xi2 });
-        let (nav_time, time) = (self.filter().map_or(0.0, Filter::time), self.tally.time);
-        if let Some(watch) = &mut self.tally.watch {
-            watch.take(time, nav_time, reports);
+        let time = self.tally.time;
+        let filter = match &self.driver {
+            Driver::Standing(alignment) => alignment.filter(),
+            Driver::Aided(filter) => Some(filter),
+            Driver::Waiting(_) => None,
+            Driver::Flying(flight) => flight.filter(),
+        };
+        if let (Some(watch), Some(filter)) = (&mut self.tally.watch, filter) {
+            watch.pose(filter);
+            watch.take(time, filter.time(), reports);
         }
         if let Some(filter) = self.filter() {
             let snapshot = Snapshot {

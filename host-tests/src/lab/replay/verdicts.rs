@@ -2,20 +2,29 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use navsight::error::Error;
-use navsight::error_model::{psi, Environment, N, VEL};
+use navsight::error_model::{psi, Environment, ATT, BA, N, VEL};
 use navsight::filter::{Filter, UpdateReport};
-use navsight::observability::ceiling::{ceiling, unseen_share};
+use navsight::observability::ceiling::{ceiling, tilt_excess, unseen_share, MARGIN};
 use navsight::observability::pwcs::{Scale, Staged, NAVIGATION};
 use navsight::observability::verdict::{Judgement, Limits, Verdicts};
 use serde_json::{json, Value};
 
 use super::super::states::STATES;
+use super::evidence::{Evidence, History};
 use crate::config::Required;
 
 /// The verdicts and their history.
 pub(super) struct Watch {
     verdicts: Verdicts,
     changes: Vec<Change>,
+    history: History,
+    sigma0: [f64; N],
+    required: [Option<f32>; N],
+    ceilings: [Option<f32>; N],
+    /// The vertical in the body when the ceilings were made, and the filter's time then.
+    up: (Vector3<f32>, f64),
+    accel_bias: f32,
+    walk: f32,
 }
 
 /// A verdict that changed.
@@ -24,37 +33,76 @@ struct Change {
     state: usize,
     from: Judgement,
     to: Judgement,
+    evidence: Evidence,
+    sigma: f64,
+    required: Option<f32>,
+    ceiling: Option<f32>,
 }
 
 impl Watch {
     /// Beside a filter that has just been started; `standing` knows its ceilings.
     pub(super) fn new(filter: &Filter, required: &Required, standing: bool) -> Result<Self, Error> {
-        let mut verdicts = Verdicts::new(filter.sigma0(), &required.sigma(), Limits::DEFAULT)?;
-        if standing {
-            verdicts.set_ceilings(&ceilings(filter)?);
-        }
+        let required = required.sigma();
+        let mut verdicts = Verdicts::new(filter.sigma0(), &required, Limits::DEFAULT)?;
+        let ceilings = match standing {
+            true => ceilings(filter)?,
+            false => [None; N],
+        };
+        verdicts.set_ceilings(&ceilings);
         Ok(Self {
             verdicts,
             changes: Vec::new(),
+            history: History::default(),
+            sigma0: filter.sigma0().map(f64::from),
+            required,
+            ceilings,
+            up: (up(filter), filter.time()),
+            accel_bias: filter.sigma0()[BA..].iter().copied().fold(0.0, f32::max),
+            walk: filter.settings().noise.velocity.sqrt(),
         })
     }
 
     /// The updates of one instant: time of the recording and of the filter [s].
     pub(super) fn take(&mut self, t: f64, filter_time: f64, reports: &[UpdateReport<3>]) {
         for report in reports {
+            self.history.take(filter_time, report);
             let before = self.verdicts.all();
             let changed = self.verdicts.take(filter_time, report);
             for (state, (from, to)) in before.into_iter().zip(self.verdicts.all()).enumerate() {
                 if changed >> state & 1 != 0 {
-                    self.changes.push(Change { t, state, from, to });
+                    let evidence = self.history.of(state);
+                    self.changes.push(Change {
+                        t,
+                        state,
+                        from,
+                        to,
+                        evidence,
+                        sigma: self.sigma0[state] * evidence.xi2.recip().sqrt(),
+                        required: self.required[state],
+                        ceiling: self.ceilings[state],
+                    });
                 }
             }
         }
     }
 
+    /// A vehicle that tilts is in another position: tilts and accelerometers have no ceiling any more.
+    pub(super) fn pose(&mut self, filter: &Filter) {
+        let tilt = up(filter).cross(&self.up.0).norm();
+        let seconds = (filter.time() - self.up.1) as f32;
+        let excess = tilt_excess(tilt, self.accel_bias, self.walk, seconds);
+        if excess > MARGIN as f32 && self.ceilings[ATT].is_some() {
+            for i in [ATT, ATT + 1, BA, BA + 1, BA + 2] {
+                self.ceilings[i] = None;
+            }
+            self.verdicts.set_ceilings(&self.ceilings);
+        }
+    }
+
     /// The vehicle has begun or ended a turn: the ceilings of one position no longer hold.
     pub(super) fn turned(&mut self) {
-        self.verdicts.set_ceilings(&[None; N]);
+        self.ceilings = [None; N];
+        self.verdicts.set_ceilings(&self.ceilings);
     }
 
     /// One word about a state.
@@ -82,10 +130,24 @@ impl Watch {
                 "to": c.to.verdict.name(),
                 "reason": format!("{:?}", c.to.reason),
                 "sentence": c.to.reason.sentence(),
+                "sigma": c.sigma,
+                "required": c.required,
+                "xi2": c.evidence.xi2,
+                "ceiling": c.ceiling,
+                "learnt_per_s": c.evidence.learnt,
+                "net_per_s": c.evidence.net,
+                "grown": c.evidence.grown,
+                "innovations": c.evidence.innovations,
+                "moved": c.evidence.moved,
             })
         };
         self.changes.iter().map(one).collect()
     }
+}
+
+/// The vertical in the body.
+fn up(filter: &Filter) -> Vector3<f32> {
+    filter.nav().c_b_n().row(2).transpose()
 }
 
 /// Ceilings of ξ2 for a vehicle that stands as this one does and measures its velocity.
