@@ -13,6 +13,9 @@ mod advice;
 #[path = "firmware/aiding.rs"]
 mod aiding;
 #[cfg(target_os = "none")]
+#[path = "firmware/alignment.rs"]
+mod alignment;
+#[cfg(target_os = "none")]
 mod firmware;
 #[cfg(target_os = "none")]
 #[path = "firmware/probe.rs"]

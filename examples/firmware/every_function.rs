@@ -655,7 +655,7 @@ fn supervising() -> Result<Supervisor, Error> {
 fn planning(filter: &Filter, standing: ZeroVelocity) -> Result<(), Error> {
     let rules = any(Rules::usual(standing));
     let mut planner = Planner::new(filter, any(Manoeuvre::USUAL), rules)?;
-    keep(planner.step(any(9))?);
+    keep((planner.step(any(9))?, planner.slice()?));
     keep((planner.outcome(any(1)), planner.ranking(any(8))));
     keep(planner.advice(any(8)));
     Ok(())
@@ -667,6 +667,7 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     coarse.take(&sample())?;
     keep(coarse.time());
     keep(coarse.solve()?.euler());
+    keep(coarse.at_start(&matrix::<f32, 3, 3>()));
 
     let plan = any(Plan {
         coarse_duration: 60.0,
@@ -677,6 +678,9 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     let mut standing = StandingAlignment::new(position, plan, prior, settings)?;
     keep(standing.take(&sample()));
     keep(standing.filter().is_some());
+    let mut reusing = StandingAlignment::<64>::reusing(position, plan, prior, settings)?;
+    keep(reusing.take(&sample()));
+    keep((reusing.is_behind(), reusing.filter().is_some()));
     let mut level = Levelling::new(any(ImuLimits::DEFAULT));
     level.take(&sample())?;
     keep((level.time(), level.solve(number())));
@@ -687,6 +691,7 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
         number(),
         number(),
     ));
+    keep(level.start(position, outside.as_ref().ok(), &prior, settings));
     let earth = heading_source::earth_rate_sigma(number(), number(), number(), number());
     keep(heading_source::choose(earth, outside.as_ref().ok()));
     let mut with = StandingAlignment::with_heading(position, plan, prior, settings, outside.ok())?;
@@ -913,6 +918,7 @@ fn looking<T: Real, const M: usize>() -> Result<(), Error> {
     keep((
         ceiling::ceiling::<T>(number()),
         ceiling::saturation::<T>(number(), number()),
+        ceiling::tilt_excess(number(), number(), number(), number()),
     ));
     keep(ceiling::order_cost::<T>(number(), any(2)));
     let mut gramian = Gramian::<T, 15>::new();

@@ -28,6 +28,7 @@ use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly
 
 use crate::advice;
 use crate::aiding;
+use crate::alignment;
 use crate::probe::{calibration, region};
 use crate::ways;
 
@@ -83,6 +84,7 @@ pub fn run(out: &mut HostStream) -> core::fmt::Result {
     aiding::run(table, &filter, imu)?;
     ways::run(table)?;
     advice::run(table, &filter)?;
+    alignment::run(table, &filter, imu)?;
     kernels::<f32>(table, "f32", &filter, imu)?;
     kernels::<f64>(table, "f64", &filter, imu)?;
 

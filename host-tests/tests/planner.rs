@@ -199,8 +199,15 @@ fn turning_half_round_is_what_it_recommends() {
     // Slices change nothing.
     let mut whole = Planner::new(&filter, Manoeuvre::USUAL, rules()).unwrap();
     assert_eq!(whole.step(u16::MAX), Ok(Progress::Done));
+    let (mut least, mut parts) = (Planner::new(&filter, Manoeuvre::USUAL, rules()).unwrap(), 1);
+    while least.slice().unwrap() == Progress::Working {
+        parts += 1;
+    }
+    // A propagation and an update for each of 300 steps and more, and what belongs to each candidate.
+    assert!((3600..4200).contains(&parts), "{parts}");
     for k in 0..6 {
         assert_eq!(whole.outcome(k), planner.outcome(k));
+        assert_eq!(whole.outcome(k), least.outcome(k));
     }
     // Accelerometers want any turn.
     let best = planner.ranking(BA)[0];

@@ -4,7 +4,9 @@
 //! standing still. What is left of the variances says which one is best, and in which words to say so:
 //! "turning by 180° now gives heading 0.024° in 300 s, staying gives 0.098°".
 //!
-//! It costs a propagation and an update per second and candidate, in slices of as many as the caller has time for.
+//! It costs a propagation and an update per second and candidate: in slices of as many steps as the caller has time for
+//! ([`Planner::step`]), or of a part of one ([`Planner::slice`]): transition, propagation, update, result. The dearest slice
+//! is the propagation, 3,900 instructions and some, which is one kernel and is not cut; the others stay below 3,000.
 //! Standing needs steps of a second only: the first-order transition loses terms of T/2 against the time constants of
 //! what is learnt, a shift of half a second in three hundred. Turns are cut into steps of [`MAX_ANGLE`]. Updates are made
 //! once per step with the information of the updates due in it (R T/dt), none while the vehicle moves unless a velocity is
@@ -159,7 +161,20 @@ pub struct Planner<const K: usize> {
     /// Candidate at work, and its steps.
     at: usize,
     phase: Phase,
+    part: Part,
     transition: BlockTransition<f32>,
+}
+
+/// What comes next of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    /// The candidate is put at the start.
+    Begin,
+    Transition,
+    Propagation,
+    Update,
+    /// The candidate is through.
+    Result,
 }
 
 /// Where a candidate stands.
@@ -226,13 +241,12 @@ impl<const K: usize> Planner<K> {
                 dt_standing: 0.0,
                 done: 0,
             },
+            part: Part::Begin,
             transition: BlockTransition::identity(),
         };
+        // whether all of them can be flown
         for candidate in candidates {
             planner.begin(candidate)?;
-        }
-        if let Some(first) = candidates.first() {
-            planner.begin(*first)?;
         }
         Ok(planner)
     }
@@ -240,31 +254,82 @@ impl<const K: usize> Planner<K> {
     /// Makes up to `steps` steps of the covariance, of which a candidate needs one per second and some for its turn.
     ///
     /// # Errors
-    /// Those of [`Covariance15::update`]: the covariance is broken. The candidate at work is then tried again.
+    /// As [`Planner::slice`].
     pub fn step(&mut self, steps: u16) -> Result<Progress, Error> {
-        for _ in 0..steps {
-            let Some(&candidate) = self.candidates.get(self.at) else {
+        let mut left = steps;
+        while left > 0 {
+            if self.part == Part::Update {
+                left -= 1;
+            }
+            if self.slice()? == Progress::Done {
                 return Ok(Progress::Done);
-            };
-            if let Err(error) = self.advance(candidate) {
-                self.begin(candidate)?;
-                return Err(error);
-            }
-            if self.phase.done < u32::from(self.phase.moving) + self.phase.standing {
-                continue;
-            }
-            if let Some(outcome) = self.outcomes.get_mut(self.at) {
-                let p = self.p.diagonal();
-                for ((sigma, p), sigma0) in outcome.sigma.iter_mut().zip(&p).zip(&self.sigma0) {
-                    *sigma = libm::sqrtf(*p) * *sigma0;
-                }
-                outcome.xi2 = p.map(|p| 1.0 / p);
-            }
-            self.at += 1;
-            if let Some(&next) = self.candidates.get(self.at) {
-                self.begin(next)?;
             }
         }
+        // what belongs to the last step
+        if self.part == Part::Result {
+            return self.slice();
+        }
+        Ok(Progress::Working)
+    }
+
+    /// Makes one part of a step: the least that can be done at a time.
+    ///
+    /// # Errors
+    /// Those of [`Covariance15::update`]: the covariance is broken. The candidate at work is then tried again.
+    pub fn slice(&mut self) -> Result<Progress, Error> {
+        let Some(&candidate) = self.candidates.get(self.at) else {
+            return Ok(Progress::Done);
+        };
+        let Phase {
+            moving,
+            standing,
+            dt_moving,
+            dt_standing,
+            done,
+        } = self.phase;
+        let moves = done < u32::from(moving);
+        let dt = if moves { dt_moving } else { dt_standing };
+        self.part = match self.part {
+            Part::Begin => {
+                self.begin(candidate)?;
+                Part::Transition
+            }
+            Part::Transition => {
+                self.turn(candidate, moves, dt);
+                Part::Propagation
+            }
+            Part::Propagation => {
+                self.p.propagate_blocks(&self.transition);
+                Part::Update
+            }
+            Part::Update => {
+                if let Err(error) = self.measure(moves, dt) {
+                    self.part = Part::Begin;
+                    return Err(error);
+                }
+                let done = done + 1;
+                self.phase.done = done;
+                // Standing, every step is the same.
+                if done >= u32::from(moving) + standing {
+                    Part::Result
+                } else if done <= u32::from(moving) {
+                    Part::Transition
+                } else {
+                    Part::Propagation
+                }
+            }
+            Part::Result => {
+                if let Some(outcome) = self.outcomes.get_mut(self.at) {
+                    let p = self.p.diagonal();
+                    for ((sigma, p), sigma0) in outcome.sigma.iter_mut().zip(&p).zip(&self.sigma0) {
+                        *sigma = libm::sqrtf(*p) * *sigma0;
+                    }
+                    outcome.xi2 = p.map(|p| 1.0 / p);
+                }
+                self.at += 1;
+                Part::Begin
+            }
+        };
         Ok(match self.at < K {
             true => Progress::Working,
             false => Progress::Done,
@@ -306,39 +371,30 @@ impl<const K: usize> Planner<K> {
         Ok(())
     }
 
-    /// One step of one candidate.
-    fn advance(&mut self, candidate: Manoeuvre) -> Result<(), Error> {
-        let Phase {
-            moving,
-            dt_moving,
-            dt_standing,
-            done,
-            ..
-        } = self.phase;
-        let moves = done < u32::from(moving);
-        let dt = if moves { dt_moving } else { dt_standing };
-        // Standing, every step is the same.
-        if moves || done == u32::from(moving) {
-            let part = if moves {
-                (done as f32 + 0.5) / f32::from(moving)
-            } else {
-                1.0
-            };
-            let (c_b_n, a_n) = self.pose(candidate, part);
-            let f_n = Vector3::new(a_n.x, a_n.y, self.environment.gravity);
-            let interval = Interval {
-                c_dt: c_b_n * dt,
-                f_dt: f_n * dt,
-                dt,
-            };
-            block_transition_into(
-                &self.environment,
-                &interval,
-                &self.scaling,
-                &mut self.transition,
-            );
-        }
-        self.p.propagate_blocks(&self.transition);
+    /// The transition of the step at work.
+    fn turn(&mut self, candidate: Manoeuvre, moves: bool, dt: f32) {
+        let part = if moves {
+            (self.phase.done as f32 + 0.5) / f32::from(self.phase.moving)
+        } else {
+            1.0
+        };
+        let (c_b_n, a_n) = self.pose(candidate, part);
+        let f_n = Vector3::new(a_n.x, a_n.y, self.environment.gravity);
+        let interval = Interval {
+            c_dt: c_b_n * dt,
+            f_dt: f_n * dt,
+            dt,
+        };
+        block_transition_into(
+            &self.environment,
+            &interval,
+            &self.scaling,
+            &mut self.transition,
+        );
+    }
+
+    /// The update of the step at work, if anything is measured in it.
+    fn measure(&mut self, moves: bool, dt: f32) -> Result<(), Error> {
         let r_t = if moves {
             self.r_t_moving
         } else {
@@ -352,7 +408,6 @@ impl<const K: usize> Planner<K> {
                 gate: None,
             })?;
         }
-        self.phase.done += 1;
         Ok(())
     }
 
