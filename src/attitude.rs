@@ -6,7 +6,7 @@ pub mod frames;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Error;
-use crate::linalg::Real;
+use crate::linalg::{sin_cos, Real};
 pub use frames::{Enu, Frd, FrdToNed, Ned, Rfu, RfuToEnu};
 
 /// Heading, pitch and roll [rad].
@@ -74,9 +74,9 @@ impl Euler {
 
     /// The direction cosine matrix C_b^n.
     pub fn c_b_n(&self) -> Matrix3<f32> {
-        let (sh, ch) = libm::sincosf(self.heading);
-        let (sp, cp) = libm::sincosf(self.pitch);
-        let (sr, cr) = libm::sincosf(self.roll);
+        let (sh, ch) = sin_cos(self.heading);
+        let (sp, cp) = sin_cos(self.pitch);
+        let (sr, cr) = sin_cos(self.roll);
         Matrix3::new(
             ch * cr + sh * sp * sr,
             sh * cp,
@@ -92,9 +92,9 @@ impl Euler {
 
     /// The unit quaternion of C_b^n, order (w, x, y, z).
     pub fn quaternion(&self) -> [f32; 4] {
-        let (sh, ch) = libm::sincosf(-0.5 * self.heading);
-        let (sp, cp) = libm::sincosf(0.5 * self.pitch);
-        let (sr, cr) = libm::sincosf(0.5 * self.roll);
+        let (sh, ch) = sin_cos(-0.5 * self.heading);
+        let (sp, cp) = sin_cos(0.5 * self.pitch);
+        let (sr, cr) = sin_cos(0.5 * self.roll);
         product(
             &product(&[ch, 0.0, 0.0, sh], &[cp, sp, 0.0, 0.0]),
             &[cr, 0.0, sr, 0.0],

@@ -138,7 +138,7 @@ impl NavState {
         macro_rules! one {
             ($i:literal) => {
                 scaled[$i] = dx[$i] * unit[$i];
-                size += scaled[$i].abs();
+                size += scaled[$i] * scaled[$i];
             };
         }
         each_state!(one);

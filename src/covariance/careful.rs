@@ -4,26 +4,39 @@
 //! subtracted, for good where no process noise flows. Here every product and sum is carried in two words instead, and
 //! the row and column of a state that is measured by itself are not subtracted at all but multiplied by r/s.
 //!
+//! It also does the Schmidt (consider) update: states that the rows may not move, whose uncertainty still counts.
+//!
+//! ```text
+//! c = P hᵀ,  s = h c + r,  k_e = c_e/s,  k_c = 0
+//! P_ee ← P_ee − c_e c_eᵀ/s,    P_ec ← P_ec − c_e c_cᵀ/s,    P_cc stays
+//! ```
+//!
+//! e: estimated, c: considered states. The gain of the estimated states is the optimal one for an estimator that leaves
+//! the others alone, so P is the true covariance of what it does: the correlations grow as they must, and when a state
+//! is released its next update starts from an honest P. Source: Schmidt 1966; Bierman 1977, chapter VIII.
+//!
 //! Written in loops and for any number of rows at run time: it is one piece of code for all M.
 
 use super::packed::{at, Covariance};
 use super::update::Gate;
 use crate::error::Error;
-use crate::linalg::{Pair, Real};
+use crate::linalg::{all_finite, looped, looped_mut, Pair, Real};
 
 /// M rows with M known at run time.
 pub(super) struct Lines<'a, T, const N: usize> {
     pub nu: &'a [T],
     pub r: &'a [T],
     pub gate: Option<T>,
-    pub h: Pattern<'a, T>,
+    pub h: Pattern<'a, T, N>,
+    /// Bit i: the rows may not move state i.
+    pub considered: u32,
 }
 
-pub(super) enum Pattern<'a, T> {
+pub(super) enum Pattern<'a, T, const N: usize> {
     /// Row m is −1 on state `first + m`.
     Direct { first: usize },
-    /// M × N, column after column.
-    Dense(&'a [T]),
+    /// M × N, column after column; column j is to be multiplied by `unit[j]`.
+    Dense { h: &'a [T], unit: &'a [T; N] },
 }
 
 /// Where the outcome goes; slices of length M.
@@ -50,8 +63,13 @@ pub(super) struct Panel<'a, T, const N: usize> {
     pub fresh: [T; N],
 }
 
+/// Whether bit i of `considered` is set.
+fn held(considered: u32, i: usize) -> bool {
+    i < 32 && considered >> i & 1 != 0
+}
+
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
-    /// All of [`Covariance::update_if`] but the sizes.
+    /// All of [`Covariance::update_considering`] but the sizes.
     #[cold]
     #[inline(never)]
     pub(super) fn update_carefully(
@@ -67,9 +85,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         for m in 0..lines.nu.len() {
             self.row(m, lines, out, panel)?;
         }
-        self.check_variances(out, panel)?;
+        self.check_variances(lines, out, panel)?;
         accept(out.dx)?;
-        self.commit(panel);
+        self.commit(lines.considered, panel);
         Ok(())
     }
 
@@ -90,23 +108,29 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         // the row by itself
         *c = [Pair::zero(); N];
         self.add_product(c, &h, &[T::zero(); N]);
-        let alone = inner(&h, c).hi + r;
+        let alone = inner(&h, c, 0).hi + r;
         // given the rows before it
         *c = [Pair::zero(); N];
         self.add_product(c, &h, &panel.fresh);
         for (c_k, inverse) in earlier.iter().zip(inverse.iter()) {
-            let l = inner(&h, c_k).mul(*inverse);
-            for (c, c_k) in c.iter_mut().zip(c_k) {
-                *c = c.sub(c_k.mul(l));
+            // what row k took from a pair of states, and from a pair of which one is held
+            let l = inner(&h, c_k, 0).mul(*inverse);
+            let l_held = match lines.considered {
+                0 => l,
+                considered => inner(&h, c_k, considered).mul(*inverse),
+            };
+            for (i, (c, c_k)) in looped_mut(c).iter_mut().zip(c_k).enumerate() {
+                let held = held(lines.considered, i);
+                *c = c.sub(c_k.mul(if held { l_held } else { l }));
             }
         }
-        let s = inner(&h, c).add(Pair::of(r));
+        let s = inner(&h, c, 0).add(Pair::of(r));
         if !(s.hi > T::zero() && s.hi.finite() && alone.finite()) {
             return Err(Error::InnovationVariance { row: m as u8 });
         }
         let one_over_s = s.reciprocal();
         let mut e = nu;
-        for (h, x) in h.iter().zip(out.dx.iter()) {
+        for (h, x) in looped(&h).iter().zip(out.dx.iter()) {
             e -= *h * *x;
         }
         let nis = e * e * one_over_s.hi;
@@ -129,22 +153,25 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         *inverse = one_over_s;
         *out.nis += nis;
         let gain = e * one_over_s.hi;
-        for (x, c) in out.dx.iter_mut().zip(c.iter()) {
-            *x += c.hi * gain;
+        for (i, (x, c)) in looped_mut(out.dx).iter_mut().zip(c.iter()).enumerate() {
+            if !held(lines.considered, i) {
+                *x += c.hi * gain;
+            }
         }
-        if r + r < s.hi {
+        if r + r < s.hi && lines.considered == 0 {
             replace(&h, r, earlier, c, &mut panel.fresh);
         }
         Ok(())
     }
 
     /// c ← c + P h, with P of cleared states diagonal.
+    #[inline(never)]
     fn add_product(&self, c: &mut [Pair<T>; N], h: &[T; N], fresh: &[T; N]) {
-        for (j, (h, fresh_j)) in h.iter().zip(fresh).enumerate() {
+        for (j, (h, fresh_j)) in looped(h).iter().zip(fresh).enumerate() {
             if *h == T::zero() {
                 continue;
             }
-            for (i, (c, fresh_i)) in c.iter_mut().zip(fresh).enumerate() {
+            for (i, (c, fresh_i)) in looped_mut(c).iter_mut().zip(fresh).enumerate() {
                 let p = self.base(i, j, *fresh_i, *fresh_j);
                 *c = c.add(p.mul(Pair::of(*h)));
             }
@@ -171,14 +198,19 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Every variance after the update, all of which must be finite and positive; a state known exactly stays so.
     fn check_variances(
         &self,
+        lines: &Lines<'_, T, N>,
         out: &mut Outcome<'_, T, N>,
         panel: &Panel<'_, T, N>,
     ) -> Result<(), Error> {
-        let states = out.p_before.iter_mut().zip(out.p_after.iter_mut());
-        for (j, ((before, after), decrease)) in states.zip(out.decrease.iter_mut()).enumerate() {
+        let states = looped_mut(out.p_before)
+            .iter_mut()
+            .zip(out.p_after.iter_mut());
+        let states = states.zip(out.decrease.iter_mut()).enumerate();
+        for (j, ((before, after), decrease)) in states {
             let fresh = panel.fresh.get(j).copied().unwrap_or_else(T::zero);
             let mut d = Pair::zero();
-            for (c, inverse) in panel.c.iter().zip(panel.inverse.iter()) {
+            let used = panel.c.iter().zip(panel.inverse.iter());
+            for (c, inverse) in used.filter(|_| !held(lines.considered, j)) {
                 if let Some(c) = c.get(j) {
                     d = d.add(c.mul(c.mul(*inverse)));
                 }
@@ -194,10 +226,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         Ok(())
     }
 
-    /// P ← P − Σ c cᵀ/s.
-    fn commit(&mut self, panel: &mut Panel<'_, T, N>) {
+    /// P ← P − Σ c cᵀ/s, but for pairs of considered states.
+    fn commit(&mut self, considered: u32, panel: &mut Panel<'_, T, N>) {
         let mut k = 0;
-        for (j, fresh_j) in panel.fresh.iter().enumerate() {
+        for (j, fresh_j) in looped(&panel.fresh).iter().enumerate() {
             for ((g, c), inverse) in panel
                 .gain
                 .iter_mut()
@@ -207,6 +239,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 *g = c.get(j).map_or_else(Pair::zero, |c| c.mul(*inverse));
             }
             for (i, fresh_i) in panel.fresh.iter().enumerate().take(j + 1) {
+                if held(considered, i) && held(considered, j) {
+                    k += 1;
+                    continue;
+                }
                 let mut p = self.base(i, j, *fresh_i, *fresh_j);
                 for (g, c) in panel.gain.iter().zip(panel.c.iter()) {
                     if let Some(c) = c.get(i) {
@@ -224,18 +260,24 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
 
 impl<T: Real, const N: usize> Lines<'_, T, N> {
     /// Everything that can be refused without looking at P.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        let finite = |x: &[T]| x.iter().all(|x| x.finite());
+    fn check(&self) -> Result<(), Error> {
         let gate = self.gate.unwrap_or_else(T::zero);
         let rows = self.nu.len();
         match self.h {
-            Pattern::Dense(h) if !finite(h) => return Err(Error::NonFinite),
+            Pattern::Dense { h, unit } => {
+                let columns = h.chunks_exact(rows.max(1)).zip(unit);
+                if !columns.fold(true, |good, (h, u)| {
+                    good & h.iter().all(|h| (*h * *u).finite())
+                }) {
+                    return Err(Error::NonFinite);
+                }
+            }
             Pattern::Direct { first } if first > N || rows > N - first => {
                 return Err(Error::OutOfRange)
             }
             _ => {}
         }
-        if !(finite(self.nu) && finite(self.r) && gate.finite()) {
+        if !(all_finite(self.nu) && all_finite(self.r) && gate.finite()) {
             return Err(Error::NonFinite);
         }
         if gate < T::zero() || self.r.iter().any(|r| *r <= T::zero()) {
@@ -245,7 +287,7 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
     }
 
     /// h, ν and r of row m. The sign of a direct row is turned, and that of its innovation with it: nothing changes.
-    pub(super) fn row(&self, m: usize) -> ([T; N], T, T) {
+    fn row(&self, m: usize) -> ([T; N], T, T) {
         let mut row = [T::zero(); N];
         let get = |x: &[T]| x.get(m).copied().unwrap_or_else(T::zero);
         let (nu, r) = (get(self.nu), get(self.r));
@@ -256,10 +298,10 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
                 }
                 (row, -nu, r)
             }
-            Pattern::Dense(h) => {
-                let columns = h.chunks_exact(self.nu.len().max(1));
-                for (x, column) in row.iter_mut().zip(columns) {
-                    *x = get(column);
+            Pattern::Dense { h, unit } => {
+                let columns = h.chunks_exact(self.nu.len().max(1)).zip(unit);
+                for (x, (column, unit)) in looped_mut(&mut row).iter_mut().zip(columns) {
+                    *x = get(column) * *unit;
                 }
                 (row, nu, r)
             }
@@ -267,11 +309,12 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
     }
 }
 
-/// hᵀ c
-pub(super) fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N]) -> Pair<T> {
+/// hᵀ c, states of which a bit is set in `without` left out.
+#[inline(never)]
+fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N], without: u32) -> Pair<T> {
     let mut sum = Pair::zero();
-    for (h, c) in h.iter().zip(c) {
-        if *h != T::zero() {
+    for (i, (h, c)) in looped(h).iter().zip(c).enumerate() {
+        if *h != T::zero() && !held(without, i) {
             sum = sum.add(c.mul(Pair::of(*h)));
         }
     }
@@ -294,7 +337,10 @@ fn replace<T: Real, const N: usize>(
     c: &mut [Pair<T>; N],
     fresh: &mut [T; N],
 ) {
-    let mut measured = h.iter().enumerate().filter(|(_, x)| **x != T::zero());
+    let mut measured = looped(h)
+        .iter()
+        .enumerate()
+        .filter(|(_, x)| **x != T::zero());
     let (Some((k, x)), None) = (measured.next(), measured.next()) else {
         return;
     };
@@ -310,5 +356,78 @@ fn replace<T: Real, const N: usize>(
     }
     for c in earlier.iter_mut().filter_map(|c| c.get_mut(k)) {
         *c = Pair::zero();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::covariance::{Observation, Rows};
+    use nalgebra::{Matrix3, SMatrix, Vector3};
+
+    fn p0() -> Matrix3<f64> {
+        Matrix3::new(2.0, 0.5, 0.1, 0.5, 1.0, -0.2, 0.1, -0.2, 0.7)
+    }
+
+    /// Any gain K: P⁺ = (I − K H) P (I − K H)ᵀ + K R Kᵀ. With the rows of K that belong to considered states set to
+    /// zero after the optimal gain of each single row, this is the update.
+    #[test]
+    fn it_is_joseph_with_the_gain_of_the_considered_states_at_zero() {
+        let h = SMatrix::<f64, 2, 3>::new(0.4, -1.0, 0.3, 0.0, 0.5, -1.0);
+        let (nu, r) = ([0.3, -0.4], [0.1, 0.2]);
+        for considered in [0b000u32, 0b100, 0b011] {
+            let mut dense = p0();
+            let mut dx = Vector3::zeros();
+            for m in 0..2 {
+                let row = h.row(m);
+                let s = (row * dense * row.transpose()).x + r[m];
+                let mut gain = dense * row.transpose() / s;
+                for i in 0..3 {
+                    if considered >> i & 1 != 0 {
+                        gain[i] = 0.0;
+                    }
+                }
+                dx += gain * (nu[m] - (row * dx).x);
+                let left = Matrix3::identity() - gain * row;
+                dense = left * dense * left.transpose() + gain * gain.transpose() * r[m];
+            }
+            let mut p = Covariance::<f64, 3, 6>::from_matrix(&p0()).unwrap();
+            let rows = Rows {
+                nu,
+                h: Observation::Dense(h),
+                r,
+                gate: None,
+            };
+            let update = p.update_considering(&rows, considered, |_| Ok(())).unwrap();
+            assert!((p.to_matrix() - dense).amax() < 1e-15, "{considered:b}");
+            assert!((Vector3::from(update.dx) - dx).amax() < 1e-15);
+            for i in 0..3 {
+                let decrease = p0()[(i, i)] - dense[(i, i)];
+                assert!((update.decrease[i] - decrease).abs() < 1e-15);
+                if considered >> i & 1 != 0 {
+                    // not one bit
+                    assert_eq!((update.dx[i], p.variance(i)), (0.0, p0()[(i, i)]));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_refused_update_changes_nothing() {
+        let mut p = Covariance::<f64, 3, 6>::from_matrix(&p0()).unwrap();
+        let before = p;
+        let rows = |nu, r| Rows {
+            nu: [nu],
+            h: Observation::Direct { first: 1 },
+            r: [r],
+            gate: None,
+        };
+        let mut with = |rows, accept: Result<(), Error>| {
+            p.update_considering(&rows, 1, |_| accept).map(|_| ())
+        };
+        assert_eq!(with(rows(f64::NAN, 1.0), Ok(())), Err(Error::NonFinite));
+        assert_eq!(with(rows(1.0, 0.0), Ok(())), Err(Error::OutOfRange));
+        assert_eq!(with(rows(1.0, 1.0), Err(Error::Polar)), Err(Error::Polar));
+        assert_eq!(p, before);
     }
 }

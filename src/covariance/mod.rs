@@ -7,17 +7,19 @@
 //! | `structured` | [`Covariance15::propagate_blocks`]: the 15-state pattern of [`crate::linalg::BlockTransition`], spelled out |
 //! | `update` | [`Covariance::update`]: M rows in one sweep, each with its gate |
 //! | `swift` | how that is done when no variance collapses but those of the measured states: one word per product, spelled out for 15 states |
-//! | `consider` | [`Covariance::update_considering`]: the Schmidt update, some states left alone |
-//! | `careful` | how it is done when one does, and for any other N: double words |
+//! | `panel`, `sequence` | P Hᵀ of any rows; M rows made a sequence, each gated given those before it |
+//! | `careful` | how it is done when one does, for any other N, and where states are to be left alone (Schmidt): double words |
 
 mod careful;
-mod consider;
 mod general;
 mod packed;
+mod panel;
+mod sequence;
 mod structured;
 mod swift;
 mod update;
 
 pub use packed::{Covariance, Covariance15};
+pub(crate) use sequence::each_row;
 pub(crate) use update::{Lines, Pattern, Slots};
 pub use update::{Observation, Rows, Update};

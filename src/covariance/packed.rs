@@ -1,7 +1,7 @@
 //! The packed triangle: how a covariance is stored, made and read.
 
 use crate::error::Error;
-use crate::linalg::Real;
+use crate::linalg::{all_finite, first_negative, looped, Real};
 use nalgebra::SMatrix;
 
 /// Position of element (i, j), i ≤ j, in the packed upper triangle, column after column.
@@ -50,17 +50,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// [`Error::NonFinite`], or [`Error::Variance`] naming the first negative state.
     pub fn from_diagonal(variance: &[T; N]) -> Result<Self, Error> {
         const { Self::SIZE };
-        if variance.iter().any(|p| !p.finite()) {
+        if !all_finite(variance) {
             return Err(Error::NonFinite);
         }
-        if let Some(state) = variance.iter().position(|p| *p < T::zero()) {
+        if let Some(state) = first_negative(variance) {
             return Err(Error::Variance { state: state as u8 });
         }
         let mut p = Self {
             hi: [T::zero(); L],
             lo: [T::zero(); L],
         };
-        for (j, v) in variance.iter().enumerate() {
+        for (j, v) in looped(variance).iter().enumerate() {
             if let Some(e) = p.hi.get_mut(upper(j, j)) {
                 *e = *v;
             }

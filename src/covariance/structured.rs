@@ -8,10 +8,9 @@
 
 use core::hint::black_box;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{compiler_fence, Ordering};
 
 use super::packed::{at, Covariance15};
-use crate::linalg::{two_add, BlockTransition, Real};
+use crate::linalg::{in_order, two_add, BlockTransition, Real};
 use nalgebra::{Matrix3, Vector3};
 
 /// A row or a column of a 3×3 block.
@@ -38,7 +37,7 @@ macro_rules! each {
     ($n:literal, $k:ident, $e:block) => {{
         const $k: usize = $n;
         $e
-        compiler_fence(Ordering::SeqCst);
+        in_order();
     }};
 }
 
@@ -55,7 +54,7 @@ macro_rules! block {
     ($n:literal, $j:ident, $room:ident, $e:block) => {{
         const $j: usize = $n;
         let column = $room.write($e);
-        compiler_fence(Ordering::SeqCst);
+        in_order();
         column
     }};
 }

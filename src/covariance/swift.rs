@@ -12,27 +12,18 @@
 //!
 //! which is a product, right to rounding however far the variance falls, and cheaper than a compensated sum.
 
-use super::packed::{at, column, upper, Covariance};
-use super::update::{Gate, Lines, Pattern, Slots};
+use core::hint::black_box;
+
+use super::packed::{at, upper, Covariance};
+use super::sequence::{back, dot, each_row, sequence, times, Sequence};
+use super::update::{Lines, Pattern, Slots};
 use crate::error::Error;
-use crate::linalg::{each_state, two_add, Real};
-use nalgebra::SMatrix;
+use crate::linalg::{each_state, in_order, two_add, Real};
 
 /// Number of states this is written for.
 const STATES: usize = 15;
 /// FIRST of rows that measure no state by itself.
 const NONE: usize = STATES;
-
-/// Repeats a line for the rows that there are.
-macro_rules! each_row {
-    ($m:ident; $line:expr) => {
-        each_row!(@ $m; $line; 0 1 2 3 4 5);
-        for $m in 6..M { $line }
-    };
-    (@ $m:ident; $line:expr; $($n:literal)*) => {
-        $(if $n < M { const fn row() -> usize { $n } let $m = row(); $line })*
-    };
-}
 
 /// What is kept between the check of an update and its writing.
 struct Work<T, const M: usize, const N: usize> {
@@ -46,20 +37,24 @@ struct Work<T, const M: usize, const N: usize> {
     back: [[T; M]; M],
 }
 
-/// The rows made uncorrelated, each given those before it.
-struct Sequence<T, const M: usize> {
-    /// How much of row k is in row m > k: l[m][k].
-    l: [[T; M]; M],
-    /// 1/s; zero for a row that was gated out.
-    inverse: [T; M],
-    /// Innovation over s; zero for a row that was gated out.
-    gain: [T; M],
+impl<T: Real, const M: usize, const N: usize> Work<T, M, N> {
+    /// Any numbers: all are written before they are read.
+    #[inline(always)]
+    fn new() -> Self {
+        Self {
+            c: [[T::one(); N]; M],
+            inverse: [T::one(); M],
+            shrink: [T::one(); M],
+            back: [[T::one(); M]; M],
+        }
+    }
 }
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
-    /// Updates the triangle and says true, or leaves it as it is and says false.
+    /// Takes in rows that are −1 on the states from FIRST on and says true; or leaves the triangle as it is and says
+    /// false.
     #[inline(always)]
-    pub(super) fn update_swiftly<const M: usize>(
+    pub(super) fn update_block<const M: usize, const FIRST: usize>(
         &mut self,
         rows: &Lines<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
@@ -68,29 +63,32 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES {
             return Ok(false); // known at compile time: of the constant indices below nothing is left then
         }
-        // any numbers: all are written before they are read
-        let mut work = Work {
-            c: [[T::one(); N]; M],
-            inverse: [T::one(); M],
-            shrink: [T::one(); M],
-            back: [[T::one(); M]; M],
-        };
-        let block = match rows.h {
-            Pattern::Direct { first: 2 } if M == 1 => self.form_block::<M, 2>(rows, out, &mut work),
-            Pattern::Direct { first: 3 } if M == 3 => self.form_block::<M, 3>(rows, out, &mut work),
-            _ => false,
-        };
-        if !block && !self.form_any(rows, out, &mut work) {
+        let mut work = Work::new();
+        if !self.form_block::<M, FIRST>(rows, out, &mut work) {
             return Ok(false);
         }
         accept(out.dx)?;
-        if !block {
-            self.sweep::<M, NONE>(&work);
-        } else if M == 1 {
-            self.sweep::<M, 2>(&work);
-        } else {
-            self.sweep::<M, 3>(&work);
+        self.sweep::<M, FIRST>(&work);
+        Ok(true)
+    }
+
+    /// The same of any rows.
+    #[inline(always)]
+    pub(super) fn update_swiftly<const M: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<bool, Error> {
+        if N != STATES {
+            return Ok(false);
         }
+        let mut work = Work::new();
+        if !self.form_any(rows, out, &mut work) {
+            return Ok(false);
+        }
+        accept(out.dx)?;
+        self.sweep::<M, NONE>(&work);
         Ok(true)
     }
 
@@ -141,118 +139,6 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         }
     }
 
-    /// P Hᵀ and H P Hᵀ of direct rows from any state on; zeros where there is no such state.
-    #[inline(always)]
-    fn direct_panel<const M: usize>(&self, first: usize, c: &mut [[T; N]; M]) -> [[T; M]; M] {
-        let mut hph = [[T::zero(); M]; M];
-        for (m, c) in c.iter_mut().enumerate() {
-            *c = if first + m < N {
-                column::<T, N>(&self.hi, first + m)
-            } else {
-                [T::zero(); N]
-            };
-            for (g, c) in hph.iter_mut().zip(c.iter().skip(first)) {
-                g[m] = *c;
-            }
-        }
-        hph
-    }
-
-    /// P Hᵀ, and H P Hᵀ on and below its diagonal, of any rows. A 3×3 block of zeros in H costs little.
-    #[inline(always)]
-    fn dense_panel<const M: usize>(
-        &self,
-        h: &SMatrix<T, M, N>,
-        unit: &[T; N],
-        c: &mut [[T; N]; M],
-    ) -> [[T; M]; M] {
-        let zero = T::zero();
-        for c in c.iter_mut() {
-            macro_rules! one {
-                ($i:literal) => {
-                    c[$i] = zero;
-                };
-            }
-            each_state!(one);
-        }
-        let mut hph = [[zero; M]; M];
-        let columns = &h.data.0;
-        let mut seen = [false; 5];
-        macro_rules! panel {
-            ($b:literal) => {
-                let [x, y, z] = [&columns[3 * $b], &columns[3 * $b + 1], &columns[3 * $b + 2]];
-                let u = [unit[3 * $b], unit[3 * $b + 1], unit[3 * $b + 2]];
-                let (x3, x1) = x.as_chunks::<3>();
-                let (y3, y1) = y.as_chunks::<3>();
-                let (z3, z1) = z.as_chunks::<3>();
-                let (c3, c1) = c.as_chunks_mut::<3>();
-                for (((c, x), y), z) in c3.iter_mut().zip(x3).zip(y3).zip(z3) {
-                    seen[$b] |= self.add_rows::<3, $b>(c, [x, y, z], &u);
-                }
-                let rest = c1.iter_mut().zip(x1).zip(y1).zip(z1);
-                for (((c, x), y), z) in rest {
-                    let h = [&[*x], &[*y], &[*z]];
-                    seen[$b] |= self.add_rows::<1, $b>(core::array::from_mut(c), h, &u);
-                }
-            };
-        }
-        panel!(0);
-        panel!(1);
-        panel!(2);
-        panel!(3);
-        panel!(4);
-        macro_rules! inner {
-            ($b:literal) => {
-                if seen[$b] {
-                    let u = [unit[3 * $b], unit[3 * $b + 1], unit[3 * $b + 2]];
-                    let [x, y, z] = [&columns[3 * $b], &columns[3 * $b + 1], &columns[3 * $b + 2]];
-                    each_row!(n; if !all_zero(&[x[n], y[n], z[n]]) {
-                        let (x, y, z) = (x[n] * u[0], y[n] * u[1], z[n] * u[2]);
-                        each_row!(m; if m <= n {
-                            hph[n][m] += x * c[m][3 * $b] + y * c[m][3 * $b + 1] + z * c[m][3 * $b + 2];
-                        });
-                    });
-                }
-            };
-        }
-        inner!(0);
-        inner!(1);
-        inner!(2);
-        inner!(3);
-        inner!(4);
-        hph
-    }
-
-    /// c ← c + P h for rows whose elements of block B are h[0], h[1] and h[2] times `unit`; whether there are any.
-    #[inline(always)]
-    fn add_rows<const M: usize, const B: usize>(
-        &self,
-        c: &mut [[T; N]; M],
-        h: [&[T; M]; 3],
-        unit: &[T; 3],
-    ) -> bool {
-        if all_zero(h[0]) && all_zero(h[1]) && all_zero(h[2]) {
-            return false;
-        }
-        let (x, y, z) = (
-            h[0].map(|h| h * unit[0]),
-            h[1].map(|h| h * unit[1]),
-            h[2].map(|h| h * unit[2]),
-        );
-        macro_rules! one {
-            ($i:literal) => {
-                let p = [
-                    self.hi[at($i, 3 * B)],
-                    self.hi[at($i, 3 * B + 1)],
-                    self.hi[at($i, 3 * B + 2)],
-                ];
-                each_row!(m; c[m][$i] += x[m] * p[0] + y[m] * p[1] + z[m] * p[2]);
-            };
-        }
-        each_state!(one);
-        true
-    }
-
     /// Reduces the panel to the sequential rows; δx and every variance after; whether all of them are fit: none but
     /// those of measured states more than halved.
     #[inline(always)]
@@ -279,7 +165,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         macro_rules! one {
             ($j:literal, $c:expr, $d:expr, $dx:expr) => {{
                 let (c, d) = ($c, $d);
-                each_row!(m; work.c[m][$j] = c[m]);
+                if !in_place::<M, FIRST>() {
+                    each_row!(m; work.c[m][$j] = c[m]);
+                }
                 let before = self.hi[upper($j, $j)];
                 let after = if measured::<M, FIRST>($j) {
                     back(&times(&c, &work.shrink), &work.back)[$j - FIRST]
@@ -319,6 +207,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 one!($a, c[0], d[0], dx[0]);
                 one!($b, c[1], d[1], dx[1]);
                 one!($c, c[2], d[2], dx[2]);
+                in_order();
             }};
         }
         macro_rules! single {
@@ -330,6 +219,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                     c[m] = x;
                 });
                 one!($j, c, dot(&c, &times(&c, &q.inverse)), dot(&c, &q.gain));
+                in_order();
             };
         }
         if M > 3 {
@@ -348,25 +238,38 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// of states measured by themselves ← K R.
     #[inline(never)]
     fn sweep<const M: usize, const FIRST: usize>(&mut self, work: &Work<T, M, N>) {
-        let inverse = &work.inverse;
-        let c = |state: usize| {
-            let mut c = [T::zero(); M];
-            each_row!(m; c[m] = work.c[m][state]);
-            c
+        let work = match M {
+            1 => work,
+            _ => black_box(work), // read where it is each time: the compiler would copy it first
         };
+        let inverse = &work.inverse;
+        macro_rules! c {
+            ($state:literal) => {{
+                let mut c = [T::zero(); M];
+                each_row!(m; c[m] = if in_place::<M, FIRST>() {
+                    self.hi[at($state, FIRST)]
+                } else {
+                    work.c[m][$state]
+                });
+                c
+            }};
+        }
         macro_rules! tile {
             ($a:literal, $b:literal, $c:literal) => {{
                 let g = [
-                    times(&c($a), inverse),
-                    times(&c($b), inverse),
-                    times(&c($c), inverse),
+                    times(&c!($a), inverse),
+                    times(&c!($b), inverse),
+                    times(&c!($c), inverse),
                 ];
                 macro_rules! one {
                     ($i:literal) => {
-                        let c = c($i);
+                        let c = c!($i);
                         self.lower::<M, FIRST, $i, $a>(&c, &g[0]);
                         self.lower::<M, FIRST, $i, $b>(&c, &g[1]);
                         self.lower::<M, FIRST, $i, $c>(&c, &g[2]);
+                        if M > 1 {
+                            in_order();
+                        }
                     };
                 }
                 each_state!(one);
@@ -380,7 +283,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if FIRST < NONE {
             macro_rules! one {
                 ($i:literal) => {
-                    let x = back(&times(&c($i), &work.shrink), &work.back);
+                    let x = back(&times(&c!($i), &work.shrink), &work.back);
                     each_row!(m; if at($i, FIRST + m) == upper($i, FIRST + m) || !measured::<M, FIRST>($i) {
                         let k = at($i, FIRST + m);
                         (self.hi[k], self.lo[k]) = (x[m], T::zero());
@@ -405,94 +308,16 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     }
 }
 
+/// Whether the panel is a column of P as it stands until the sweep has used it.
+#[inline(always)]
+const fn in_place<const M: usize, const FIRST: usize>() -> bool {
+    M == 1 && FIRST < NONE
+}
+
 /// Whether a row measures this state by itself.
 #[inline(always)]
 const fn measured<const M: usize, const FIRST: usize>(state: usize) -> bool {
     FIRST < NONE && state >= FIRST && state < FIRST + M
-}
-
-/// Factorises H P Hᵀ + R row after row and gates each; None when a row is not fit.
-#[inline(always)]
-fn sequence<T: Real, const M: usize, const N: usize>(
-    hph: &[[T; M]; M],
-    nu: &[T; M],
-    rows: &Lines<'_, T, M, N>,
-    out: &mut Slots<'_, T, M, N>,
-) -> Option<Sequence<T, M>> {
-    let zero = T::zero();
-    let mut l = [[zero; M]; M];
-    let mut inverse = [zero; M];
-    let mut gain = [zero; M];
-    let mut w = [[zero; M]; M]; // w[m][k] = l[m][k] s_k
-    let mut sum = zero;
-    each_row!(m; {
-        let r = rows.r[m];
-        let alone = hph[m][m] + r;
-        let mut s = alone;
-        let mut e = nu[m];
-        out.s[m] = alone;
-        each_row!(k; if k < m {
-            s -= w[m][k] * l[m][k];
-            e -= w[m][k] * gain[k];
-        });
-        let one_over_s = T::one() / s;
-        let nis = e * e * one_over_s;
-        // 0 < r ≤ s, all finite: holds for every sound row. And s is no small difference of large numbers.
-        if !(r > zero && s >= r && s >= alone * T::of(1.0 / 16.0) && nis.finite()) {
-            return None;
-        }
-        out.row_nis[m] = nis;
-        let used = Gate(rows.gate).passes(nis).ok()?;
-        out.accepted[m] = used;
-        if used {
-            sum += nis;
-            inverse[m] = one_over_s;
-            gain[m] = e * one_over_s;
-        }
-        each_row!(n; if n > m {
-            let mut x = hph[n][m];
-            each_row!(k; if k < m {
-                x -= w[n][k] * l[m][k];
-            });
-            w[n][m] = x;
-            l[n][m] = x * inverse[m];
-        });
-    });
-    *out.nis = sum;
-    Some(Sequence { l, inverse, gain })
-}
-
-/// Whether there are only zeros.
-#[inline(always)]
-fn all_zero<T: Real, const M: usize>(x: &[T; M]) -> bool {
-    let mut any = 0;
-    each_row!(m; any |= x[m].abs().sign_word());
-    any == 0
-}
-
-#[inline(always)]
-fn dot<T: Real, const M: usize>(a: &[T; M], b: &[T; M]) -> T {
-    let mut d = a[0] * b[0];
-    each_row!(m; if m > 0 { d += a[m] * b[m] });
-    d
-}
-
-#[inline(always)]
-fn times<T: Real, const M: usize>(a: &[T; M], b: &[T; M]) -> [T; M] {
-    let mut x = *a;
-    each_row!(m; x[m] *= b[m]);
-    x
-}
-
-/// L⁻ᵀ g. With g = D⁻¹ L⁻¹ P_bj this is the gain K of state j; with R taken into g and L, K R.
-#[inline(always)]
-fn back<T: Real, const M: usize>(g: &[T; M], l: &[[T; M]; M]) -> [T; M] {
-    let mut x = *g;
-    each_row!(n; {
-        let from = M - 1 - n;
-        each_row!(k; if k < from { x[k] -= l[from][k] * x[from] });
-    });
-    x
 }
 
 #[cfg(test)]

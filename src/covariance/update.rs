@@ -64,35 +64,6 @@ pub(crate) struct Lines<'a, T, const M: usize, const N: usize> {
     pub h: Pattern<'a, T, M, N>,
 }
 
-impl<T: Real, const M: usize, const N: usize> Lines<'_, T, M, N> {
-    /// H with the units of the states in it; zero for direct rows.
-    pub(super) fn scaled(&self) -> SMatrix<T, M, N> {
-        match self.h {
-            Pattern::Direct { .. } => SMatrix::repeat(T::zero()),
-            Pattern::Dense { h, unit } => {
-                let mut h = *h;
-                for (mut h, u) in h.column_iter_mut().zip(unit) {
-                    h *= *u;
-                }
-                h
-            }
-        }
-    }
-
-    /// The rows without their number in the type. `scaled`: [`Lines::scaled`].
-    pub(super) fn plain<'b>(&'b self, scaled: &'b SMatrix<T, M, N>) -> careful::Lines<'b, T, N> {
-        careful::Lines {
-            nu: self.nu,
-            r: self.r,
-            gate: self.gate,
-            h: match self.h {
-                Pattern::Direct { first } => careful::Pattern::Direct { first },
-                Pattern::Dense { .. } => careful::Pattern::Dense(scaled.as_slice()),
-            },
-        }
-    }
-}
-
 /// [`Observation`], borrowed.
 #[derive(Clone, Copy)]
 pub(crate) enum Pattern<'a, T, const M: usize, const N: usize> {
@@ -209,15 +180,56 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        const { Self::SIZE };
         const { assert!(M > 0, "an update has rows") };
-        if considered != 0 {
-            return self.consider(rows, considered, out, accept);
+        match rows.h {
+            Pattern::Direct { first: 2 } if M == 1 => {
+                self.update_states::<M, 2>(rows, considered, out, accept)
+            }
+            Pattern::Direct { first: 3 } if M == 3 => {
+                self.update_states::<M, 3>(rows, considered, out, accept)
+            }
+            _ => self.update_any(rows, considered, out, accept),
         }
-        if self.update_swiftly(rows, out, accept)? {
+    }
+
+    /// [`Covariance::update_into`] of rows of which nothing is known before the program runs.
+    #[inline(always)]
+    pub(crate) fn update_any<const M: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M, N>,
+        considered: u32,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        const { Self::SIZE };
+        if considered == 0 && self.update_swiftly(rows, out, accept)? {
             return Ok(());
         }
-        self.carefully(rows, out, accept)
+        let h = match rows.h {
+            Pattern::Direct { first } => careful::Pattern::Direct { first },
+            Pattern::Dense { h, unit } => careful::Pattern::Dense {
+                h: h.as_slice(),
+                unit,
+            },
+        };
+        self.carefully(rows, h, considered, out, accept)
+    }
+
+    /// [`Covariance::update_into`] of rows that are −1 on the states from FIRST on, whatever `rows.h` says.
+    #[inline(always)]
+    pub(crate) fn update_states<const M: usize, const FIRST: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M, N>,
+        considered: u32,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        const { Self::SIZE };
+        if considered == 0 && self.update_block::<M, FIRST>(rows, out, accept)? {
+            return Ok(());
+        }
+        let h = careful::Pattern::Direct { first: FIRST };
+        self.carefully(rows, h, considered, out, accept)
     }
 
     /// Room of the right size around the careful update.
@@ -226,11 +238,18 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     fn carefully<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M, N>,
+        h: careful::Pattern<'_, T, N>,
+        considered: u32,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let scaled = rows.scaled();
-        let lines = rows.plain(&scaled);
+        let lines = careful::Lines {
+            nu: rows.nu,
+            r: rows.r,
+            gate: rows.gate,
+            h,
+            considered,
+        };
         let mut outcome = Outcome {
             s: out.s,
             nis: out.nis,

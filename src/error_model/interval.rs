@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{BiasModel, Environment, NoiseDensity, ATT, BA, BG, POS, VEL};
 use crate::error::Error;
-use crate::linalg::{BlockTransition, Real};
+use crate::linalg::{all_finite, first_negative, looped_mut, BlockTransition, Real};
 use crate::mechanization::Step;
 
 /// What the covariance needs to know of the motion since it was last propagated.
@@ -95,13 +95,18 @@ impl<T: Real> Scaling<T> {
     ) -> Result<Self, Error> {
         bias.check()?;
         noise.check()?;
-        if sigma0.iter().any(|s| !s.finite()) {
+        if !all_finite(sigma0) {
             return Err(Error::NonFinite);
         }
-        if sigma0.iter().any(|s| *s < T::zero()) {
+        if first_negative(sigma0).is_some() {
             return Err(Error::OutOfRange);
         }
-        let unit = sigma0.map(|s| if s > T::zero() { s } else { T::one() });
+        let mut unit = *sigma0;
+        for unit in looped_mut(&mut unit) {
+            if *unit <= T::zero() {
+                *unit = T::one();
+            }
+        }
         let three = |first: usize| {
             Vector3::from_fn(|i, _| unit.get(first + i).copied().unwrap_or(T::one()))
         };
@@ -109,11 +114,8 @@ impl<T: Real> Scaling<T> {
         let (r, v, a, g, b) = (three(POS), three(VEL), three(ATT), three(BG), three(BA));
         let mut q = [T::zero(); 12];
         let density = noise.diagonal();
-        for ((q, density), s) in q
-            .iter_mut()
-            .zip(density.iter().skip(VEL))
-            .zip(unit.iter().skip(VEL))
-        {
+        let states = density.iter().zip(&unit).skip(VEL);
+        for (q, (density, s)) in looped_mut(&mut q).iter_mut().zip(states) {
             *q = *density / *s / *s;
         }
         Ok(Self {

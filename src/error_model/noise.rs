@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::{ATT, BA, BG, N, VEL};
 use crate::error::Error;
-use crate::linalg::Real;
+use crate::linalg::{all_finite, first_negative, Real};
 
 /// First-order Gauss-Markov biases: ḃ = −b/τ + w. A rate is 1/τ; zero means a constant (or a random walk, if its
 /// noise density is not zero).
@@ -126,8 +126,8 @@ impl<T: Real> NoiseDensity<T> {
 
 fn check<T: Real, const M: usize>(values: [T; M]) -> Result<(), Error> {
     match () {
-        () if values.iter().any(|x| !x.finite()) => Err(Error::NonFinite),
-        () if values.iter().any(|x| *x < T::zero()) => Err(Error::OutOfRange),
+        () if !all_finite(&values) => Err(Error::NonFinite),
+        () if first_negative(&values).is_some() => Err(Error::OutOfRange),
         () => Ok(()),
     }
 }

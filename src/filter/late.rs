@@ -20,7 +20,7 @@ use nalgebra::SVector;
 
 use super::history::History;
 use super::source::{Aided, Source};
-use super::{Filter, UpdateReport};
+use super::{unwatched, Filter, UpdateReport};
 use crate::error::Error;
 use crate::error_model::N;
 use crate::imu::ImuIncrement;
@@ -61,7 +61,7 @@ impl<const K: usize> LateFilter<K> {
     /// # Errors
     /// As [`Filter::propagate`].
     pub fn propagate(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
-        let step = self.filter.advance(imu, |_| {})?;
+        let step = self.filter.advance(imu, unwatched)?;
         let (nav, time) = (self.filter.nav(), self.filter.time());
         self.history.take(&step, nav, time);
         Ok(())

@@ -27,11 +27,11 @@ pub use report::UpdateReport;
 pub use settings::{Prior, Settings, MAX_STEP};
 pub use source::{Aided, Gate, Handling, Source, States};
 
-use crate::covariance::{Covariance15, Lines, Pattern, Slots};
+use crate::covariance::{each_row, Covariance15, Lines, Pattern};
 use crate::error::Error;
-use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N};
+use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N, POS, VEL};
 use crate::imu::ImuIncrement;
-use crate::linalg::{BlockTransition, Real, Two};
+use crate::linalg::{looped, looped_mut, BlockTransition, Real, Two};
 use crate::measurement::{Jacobian, Linearized};
 use crate::mechanization::Step;
 use crate::nav::NavState;
@@ -42,6 +42,9 @@ use nalgebra::SMatrix;
 const MAX_MAGNITUDE: f32 = 1e9;
 /// Largest noise variance that a measurement may hold: a standard deviation of the same size.
 const MAX_VARIANCE: f32 = MAX_MAGNITUDE * MAX_MAGNITUDE;
+
+/// The state that a height measures.
+const HEIGHT: usize = POS + 2;
 
 /// The navigator and its filter.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,9 +68,9 @@ impl Filter {
     /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`] for a prior or a setting that cannot be.
     pub fn new(nav: NavState, prior: &Prior, settings: Settings) -> Result<Self, Error> {
         let sigma0 = prior.sigma0()?;
-        let mut unit = [0.0; N];
-        for (p, &sigma) in unit.iter_mut().zip(&sigma0) {
-            *p = if sigma > 0.0 { 1.0 } else { 0.0 };
+        let mut unit = sigma0;
+        for p in looped_mut(&mut unit) {
+            *p = if *p > 0.0 { 1.0 } else { 0.0 };
         }
         Self::start(nav, sigma0, Covariance15::from_diagonal(&unit)?, settings)
     }
@@ -120,14 +123,18 @@ impl Filter {
         settings.check()?;
         let scaling = Scaling::new(&sigma0, &settings.bias, &settings.noise)?;
         let mut normalised = 0;
-        for (i, &sigma) in sigma0.iter().enumerate() {
+        for (i, &sigma) in looped(&sigma0).iter().enumerate() {
             normalised |= u16::from(sigma > 0.0) << i;
+        }
+        let mut unit = sigma0;
+        for unit in looped_mut(&mut unit) {
+            *unit = unit_of(*unit);
         }
         Ok(Self {
             nav,
             covariance,
             scaling,
-            sigma0: sigma0.map(unit_of),
+            sigma0: unit,
             interval: Interval::default(),
             transition: BlockTransition::identity(),
             settings,
@@ -142,7 +149,7 @@ impl Filter {
     /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`], [`Error::Time`], [`Error::Polar`] from the door of the
     /// mechanization; the filter is then unchanged.
     pub fn propagate(&mut self, imu: &ImuIncrement) -> Result<(), Error> {
-        self.propagate_watched(imu, |_| {})
+        self.propagate_watched(imu, unwatched)
     }
 
     /// [`Filter::propagate`], and `watch` sees every transition by which the covariance moves: A = Φ − I and Q in σ0
@@ -178,11 +185,12 @@ impl Filter {
     ///
     /// Calls of [`Filter::update`] do this by themselves; a log that wants σ between updates calls it first.
     pub fn synchronize(&mut self) {
-        self.synchronize_watched(|_| {});
+        self.synchronize_watched(unwatched);
     }
 
     /// [`Filter::synchronize`], and `watch` sees the transitions. Called before [`Filter::update`], it leaves that nothing
     /// to bring up to date.
+    #[inline(never)]
     pub fn synchronize_watched(&mut self, mut watch: impl FnMut(&BlockTransition<f32>)) {
         let total = self.interval.dt;
         if total <= 0.0 {
@@ -216,6 +224,7 @@ impl Filter {
     /// bit as it was. [`Error::OutOfRange`] and [`Error::Polar`] for a correction that the nominal state does not accept,
     /// [`Error::InnovationVariance`] and [`Error::Variance`] when the covariance itself is broken, which a reset must
     /// answer: estimate and covariance are then those of the present, without this measurement.
+    #[inline(always)]
     pub fn update<const M: usize>(
         &mut self,
         measurement: &Linearized<M>,
@@ -229,6 +238,7 @@ impl Filter {
     /// an error the report may hold anything.
     ///
     /// Errors: those of [`Filter::update`].
+    #[inline(always)]
     pub fn update_into<const M: usize>(
         &mut self,
         measurement: &Linearized<M>,
@@ -238,37 +248,89 @@ impl Filter {
     }
 
     /// As [`Filter::update_into`] with this gate.
-    #[inline(never)]
+    ///
+    /// The kind of the rows is looked at where the measurement was linearised: of a program that only has velocities
+    /// nothing else is linked.
+    #[inline(always)]
     fn update_gated<const M: usize>(
         &mut self,
         measurement: &Linearized<M>,
         gate: Option<f32>,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
-        check(measurement)?;
+        let mut given = Given {
+            nu: measurement.nu.data.0[0],
+            r: measurement.r.data.0[0],
+            interval: measurement.interval,
+            gate,
+        };
+        match &measurement.h {
+            Jacobian::Direct { first: HEIGHT } if M == 1 => {
+                self.update_states::<M, HEIGHT>(&mut given, report)
+            }
+            Jacobian::Direct { first: VEL } if M == 3 => {
+                self.update_states::<M, VEL>(&mut given, report)
+            }
+            h => self.update_any(&mut given, h, report),
+        }
+    }
+
+    /// Rows that are −1 on the states from FIRST on.
+    #[inline(never)]
+    fn update_states<const M: usize, const FIRST: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
         let mut unit = [1.0; M];
-        if let Jacobian::Direct { first } = &measurement.h {
+        each_row!(m; unit[m] = self.sigma0[FIRST + m]);
+        given.scale(&unit, report)?;
+        self.synchronize();
+        let lines = Lines {
+            nu: &given.nu,
+            r: &given.r,
+            gate: given.gate,
+            h: Pattern::Direct { first: FIRST },
+        };
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
+        let mut slots = report.slots();
+        let considered = u32::from(self.considered);
+        self.covariance
+            .update_states::<M, FIRST>(&lines, considered, &mut slots, &mut accept)?;
+        each_row!(m; {
+            let unit = self.sigma0[FIRST + m];
+            report.s[m] *= unit * unit;
+        });
+        report.normalised = self.normalised;
+        report.interval = given.interval;
+        Ok(())
+    }
+
+    /// Rows of any kind.
+    #[inline(never)]
+    fn update_any<const M: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        h: &Jacobian<M>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
+        check_rows(h)?;
+        let mut unit = [1.0; M];
+        if let Jacobian::Direct { first } = h {
             for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
                 *u = sigma;
             }
         }
-        let (mut nu, mut r) = ([0.0; M], [0.0; M]);
-        let mut sum = 0.0;
-        let given = measurement.nu.iter().zip(measurement.r.iter());
-        let rows = nu.iter_mut().zip(r.iter_mut()).zip(report.nu.iter_mut());
-        for ((((nu, r), copy), (&z, &var)), &u) in rows.zip(given).zip(&unit) {
-            (*copy, *nu, *r) = (z, z / u, var / (u * u));
-            sum += (*nu + *r) * 0.0; // NaN where one is not finite
-        }
-        if !sum.finite() {
-            return Err(Error::OutOfRange);
-        }
+        given.scale(&unit, report)?;
         self.synchronize();
         let lines = Lines {
-            nu: &nu,
-            r: &r,
-            gate,
-            h: match &measurement.h {
+            nu: &given.nu,
+            r: &given.r,
+            gate: given.gate,
+            h: match h {
                 Jacobian::Direct { first } => Pattern::Direct { first: *first },
                 Jacobian::Dense(h) => Pattern::Dense {
                     h,
@@ -276,26 +338,15 @@ impl Filter {
                 },
             },
         };
-        let mut slots = Slots {
-            s: &mut report.s,
-            nis: &mut report.nis,
-            row_nis: &mut report.row_nis,
-            accepted: &mut report.accepted,
-            dx: &mut report.correction,
-            decrease: &mut report.decrease,
-            p_before: &mut report.p_before,
-            p_after: &mut report.p_after,
-        };
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
         let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
+        let mut slots = report.slots();
         let considered = u32::from(self.considered);
         self.covariance
-            .update_into(&lines, considered, &mut slots, &mut accept)?;
-        for (s, &u) in report.s.iter_mut().zip(&unit) {
-            *s *= u * u;
-        }
+            .update_any(&lines, considered, &mut slots, &mut accept)?;
+        each_row!(m; report.s[m] *= unit[m] * unit[m]);
         report.normalised = self.normalised;
-        report.interval = measurement.interval;
+        report.interval = given.interval;
         Ok(())
     }
 
@@ -381,6 +432,9 @@ impl Filter {
     }
 }
 
+/// Nobody looks on.
+fn unwatched(_: &BlockTransition<f32>) {}
+
 /// Unit of a state that started with this standard deviation.
 fn unit_of(sigma: f32) -> f32 {
     if sigma > 0.0 {
@@ -390,24 +444,67 @@ fn unit_of(sigma: f32) -> f32 {
     }
 }
 
-/// Refuses what no sensor can have sent.
-fn check<const M: usize>(measurement: &Linearized<M>) -> Result<(), Error> {
-    if !measurement.interval.finite() {
-        return Err(Error::NonFinite);
-    }
-    let mut good = true;
-    for (&nu, &r) in measurement.nu.iter().zip(measurement.r.iter()) {
-        good &= nu.abs() <= MAX_MAGNITUDE && (f32::MIN_POSITIVE..=MAX_VARIANCE).contains(&r);
-    }
-    if !good {
-        for &nu in measurement.nu.iter() {
-            within(nu, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+/// The numbers of a measurement, without its rows.
+struct Given<const M: usize> {
+    nu: [f32; M],
+    r: [f32; M],
+    interval: f32,
+    gate: Option<f32>,
+}
+
+impl<const M: usize> Given<M> {
+    /// Refuses what no sensor can have sent.
+    #[inline(always)]
+    fn check(&self) -> Result<(), Error> {
+        let mut good = self.interval.finite();
+        each_row!(m; {
+            good &= self.nu[m].abs() <= MAX_MAGNITUDE;
+            good &= (f32::MIN_POSITIVE..=MAX_VARIANCE).contains(&self.r[m]);
+        });
+        if good {
+            Ok(())
+        } else {
+            Err(refused(self.interval, &self.nu, &self.r))
         }
-        for &r in measurement.r.iter() {
-            within(r, f32::MIN_POSITIVE, MAX_VARIANCE)?;
+    }
+
+    /// Innovations and variances to the unit of each row, and the innovations as they are into the report.
+    #[inline(always)]
+    fn scale(&mut self, unit: &[f32; M], report: &mut UpdateReport<M>) -> Result<(), Error> {
+        let mut sum = 0.0;
+        each_row!(m; {
+            report.nu[m] = self.nu[m];
+            self.nu[m] /= unit[m];
+            self.r[m] /= unit[m] * unit[m];
+            sum += (self.nu[m] + self.r[m]) * 0.0; // NaN where one is not finite
+        });
+        if sum.finite() {
+            Ok(())
+        } else {
+            Err(Error::OutOfRange)
         }
     }
-    match &measurement.h {
+}
+
+/// Why a measurement is refused that is not as it should be.
+#[cold]
+#[inline(never)]
+fn refused(interval: f32, nu: &[f32], r: &[f32]) -> Error {
+    if !interval.finite() {
+        return Error::NonFinite;
+    }
+    let nu = nu.iter().map(|x| within(*x, -MAX_MAGNITUDE, MAX_MAGNITUDE));
+    let r = r
+        .iter()
+        .map(|x| within(*x, f32::MIN_POSITIVE, MAX_VARIANCE));
+    nu.chain(r)
+        .find_map(Result::err)
+        .unwrap_or(Error::OutOfRange)
+}
+
+/// Refuses rows that no measurement can have.
+fn check_rows<const M: usize>(h: &Jacobian<M>) -> Result<(), Error> {
+    match h {
         Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),
         Jacobian::Direct { .. } => Ok(()),
         Jacobian::Dense(h) => {

@@ -1,5 +1,6 @@
 //! What one measurement update shows from outside.
 
+use crate::covariance::Slots;
 use crate::error_model::N;
 
 /// One measurement update of M rows, as the filter saw it.
@@ -50,6 +51,21 @@ impl<const M: usize> UpdateReport<M> {
             correction: [1.0; N],
             normalised: 0,
             interval: 0.0,
+        }
+    }
+
+    /// Where the covariance writes what it did.
+    #[inline(always)]
+    pub(super) fn slots(&mut self) -> Slots<'_, f32, M, N> {
+        Slots {
+            s: &mut self.s,
+            nis: &mut self.nis,
+            row_nis: &mut self.row_nis,
+            accepted: &mut self.accepted,
+            dx: &mut self.correction,
+            decrease: &mut self.decrease,
+            p_before: &mut self.p_before,
+            p_after: &mut self.p_after,
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::error_model::{BiasModel, NoiseDensity, ATT, BA, BG, N, POS, VEL};
 use crate::imu::ImuLimits;
-use crate::linalg::Real;
+use crate::linalg::{looped, Real};
 
 /// How the filter runs. Fixed at the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,15 +73,17 @@ impl Prior {
         ];
         for (start, group) in groups {
             for (to, &sigma) in sigma0.iter_mut().skip(start).zip(group) {
-                if !sigma.finite() {
-                    return Err(Error::NonFinite);
-                }
-                // The square is what the filter holds: it must be a number, and not vanish by underflow.
-                let var = sigma * sigma;
-                if sigma < 0.0 || !var.finite() || (sigma > 0.0 && var < f32::MIN_POSITIVE) {
-                    return Err(Error::OutOfRange);
-                }
                 *to = sigma;
+            }
+        }
+        for &sigma in looped(&sigma0) {
+            if !sigma.finite() {
+                return Err(Error::NonFinite);
+            }
+            // The square is what the filter holds: it must be a number, and not vanish by underflow.
+            let var = sigma * sigma;
+            if sigma < 0.0 || !var.finite() || (sigma > 0.0 && var < f32::MIN_POSITIVE) {
+                return Err(Error::OutOfRange);
             }
         }
         Ok(sigma0)

@@ -1,6 +1,10 @@
 //! Scalars, two-word sums and the small 3-vector algebra that every room uses.
 //!
-//! Square roots and trigonometry go to `libm` by name on host and target alike, so that both give the same bits.
+//! Square roots and trigonometry go to `libm` by name on host and target alike, so that both give the same bits; sine
+//! and cosine are here.
+
+use core::hint::black_box;
+use core::sync::atomic::{compiler_fence, Ordering};
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -27,12 +31,46 @@ macro_rules! each_state {
 
 pub(crate) use each_state;
 
+/// What the program reads and writes before this line, it reads and writes before what comes after: otherwise the
+/// compiler forms many numbers before it stores one, and has no registers for them. No instruction.
+#[inline(always)]
+pub(crate) fn in_order() {
+    compiler_fence(Ordering::SeqCst);
+}
+
+/// All of x, of which the compiler no longer knows how many they are: a loop over them stays a loop. For what runs
+/// seldom and should be small.
+#[inline(always)]
+pub(crate) fn looped<T>(x: &[T]) -> &[T] {
+    black_box(x)
+}
+
+/// [`looped`], to be changed.
+#[inline(always)]
+pub(crate) fn looped_mut<T>(x: &mut [T]) -> &mut [T] {
+    black_box(x)
+}
+
+/// Whether all are finite.
+#[inline(never)]
+pub(crate) fn all_finite<T: Real>(x: &[T]) -> bool {
+    looped(x).iter().all(|x| x.finite())
+}
+
+/// The first that is below zero.
+#[inline(never)]
+pub(crate) fn first_negative<T: Real>(x: &[T]) -> Option<usize> {
+    looped(x).iter().position(|x| *x < T::zero())
+}
+
 mod blocks;
 mod pair;
+mod sine;
 mod two;
 
 pub use blocks::BlockTransition;
 pub(crate) use pair::Pair;
+pub(crate) use sine::sin_cos;
 pub use two::{two_add, Two};
 
 /// The scalar of a kernel: f32 on the target, f64 for reference runs of the same code.

@@ -62,7 +62,7 @@ impl<T: Real> Pair<T> {
         }
     }
 
-    #[inline]
+    #[inline(never)]
     pub fn add(self, other: Self) -> Self {
         let s = Self::sum(self.hi, other.hi);
         Self {
@@ -72,7 +72,7 @@ impl<T: Real> Pair<T> {
         .settled()
     }
 
-    #[inline]
+    #[inline(always)]
     pub fn sub(self, other: Self) -> Self {
         self.add(Self {
             hi: -other.hi,
@@ -80,7 +80,7 @@ impl<T: Real> Pair<T> {
         })
     }
 
-    #[inline]
+    #[inline(never)]
     pub fn mul(self, other: Self) -> Self {
         let p = Self::product(self.hi, other.hi);
         Self {
@@ -102,7 +102,7 @@ impl<T: Real> Pair<T> {
     }
 
     /// 1/self: one Newton step on the single-word reciprocal. Not finite at zero.
-    #[inline]
+    #[inline(never)]
     pub fn reciprocal(self) -> Self {
         let x = T::one() / self.hi;
         let residual = Self::of(T::one()).sub(self.mul(Self::of(x)));

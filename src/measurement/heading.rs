@@ -6,6 +6,7 @@ use super::{check_interval, variance, Jacobian, Linearized};
 use crate::attitude::Rfu;
 use crate::error::Error;
 use crate::error_model::{ATT, N, POS};
+use crate::linalg::sin_cos;
 use crate::nav::NavState;
 
 /// Smallest level part of a unit axis that has an azimuth: the sine of 1°.
@@ -61,7 +62,7 @@ impl Heading {
         }
         Ok(Self {
             axis_b: axis_b / length,
-            direction: libm::sincosf(azimuth),
+            direction: sin_cos(azimuth),
             r: variance(sigma)?,
             interval: check_interval(interval)?,
         })

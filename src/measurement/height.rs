@@ -44,6 +44,7 @@ impl Height {
     }
 
     /// ν = h_z − ĥ, a row −1 on δr_U.
+    #[inline(always)]
     pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
         let height = nav.strapdown().height;
         Linearized {

@@ -36,6 +36,7 @@ impl ZeroVelocity {
     ///
     /// Left out: a position correction re-levels v̂ by δθ, which moves ν by at most |v̂|·|δr|/(R cos L), nothing at a
     /// standstill.
+    #[inline(always)]
     pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
         Linearized {
             nu: -nav.v_n(),

@@ -6,7 +6,7 @@ use super::riccati::{diagonal, diagonal_blocks, Information};
 use crate::covariance::{Covariance, Covariance15};
 use crate::error::Error;
 use crate::filter::UpdateReport;
-use crate::linalg::{each_state, BlockTransition, Real};
+use crate::linalg::{each_state, looped, looped_mut, BlockTransition, Real};
 
 /// One index per state, available or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,10 +133,11 @@ impl Xi<f32, 15> {
 pub fn xi2<T: Real, const N: usize>(p: &[T; N], normalised: u32) -> Result<Index<T, N>, Error> {
     check_variances(p, normalised)?;
     // infinite for a state that started at 0 and is still there: it has no ξ
-    Ok(Index::new(
-        p.map(|p| T::one() / p),
-        normalised & mask::<N>(),
-    ))
+    let mut value = *p;
+    for value in looped_mut(&mut value) {
+        *value = T::one() / *value;
+    }
+    Ok(Index::new(value, normalised & mask::<N>()))
 }
 
 /// ξ1 = (p⁻ − p⁺)/(T p(0)) [1/s]: what the update took from the variance of a state, per second of its interval.
@@ -159,13 +160,13 @@ pub fn xi1<T: Real, const N: usize>(
     normalised: u32,
 ) -> Result<Index<T, N>, Error> {
     let (mut sum, mut fine) = (T::zero(), true);
-    for d in decrease {
+    for d in looped(decrease) {
         fine &= *d >= T::zero();
         sum += *d;
     }
     if !(fine && sum.finite()) {
         let broken = |d: &T| !(*d >= T::zero() && d.finite());
-        let state = decrease.iter().position(broken).unwrap_or(0);
+        let state = looped(decrease).iter().position(broken).unwrap_or(0);
         return Err(Error::Variance { state: state as u8 });
     }
     let known = interval > T::zero() && interval.finite();
@@ -175,7 +176,11 @@ pub fn xi1<T: Real, const N: usize>(
         T::zero()
     };
     let available = if known { normalised & mask::<N>() } else { 0 };
-    Ok(Index::new(decrease.map(|d| d * per_second), available))
+    let mut value = *decrease;
+    for value in looped_mut(&mut value) {
+        *value *= per_second;
+    }
+    Ok(Index::new(value, available))
 }
 
 /// ξ1 = −ṗ/p(0) [1/s] with Ṗ of the Riccati equation just after an update (Lu 2009, eqs 17, 22) and the measurement
@@ -233,7 +238,7 @@ pub(super) fn check_variances<T: Real, const N: usize>(
     normalised: u32,
 ) -> Result<(), Error> {
     let (mut sum, mut positive) = (T::zero(), true);
-    for p in p {
+    for p in looped(p) {
         positive &= *p > T::zero();
         sum += *p;
     }
@@ -241,7 +246,7 @@ pub(super) fn check_variances<T: Real, const N: usize>(
         return Ok(());
     }
     // rare: a state without prior, or a fault
-    for (i, p) in p.iter().enumerate() {
+    for (i, p) in looped(p).iter().enumerate() {
         let zero_is_legal = i < 32 && normalised & (1 << i) == 0;
         let fine = *p > T::zero() || (zero_is_legal && *p == T::zero());
         if !(fine && p.finite()) {
