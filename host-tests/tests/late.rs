@@ -341,6 +341,37 @@ fn a_source_refused_for_too_long_resets_the_filter_and_says_so() {
 }
 
 #[test]
+fn after_a_reset_the_filter_is_where_the_measurement_says() {
+    let mut simulator = Simulator::new(motion(), DT);
+    let truth = simulator.truth();
+    let mut sensor = Sensor::new(SensorErrors::TACTICAL, 6);
+    let mut late = LateFilter::<8>::new(filter(&truth, &SensorErrors::TACTICAL), 0.0).unwrap();
+    let mut source = Source::new(Gate {
+        limit: Some(16.0),
+        lock_out: Some((0.0, States::POSITION)),
+    })
+    .unwrap();
+    // 3 m to the east, within the gate, and 300 m to the north, beyond it: the second time it is due
+    for wanted in [Handling::Partly, Handling::Reset] {
+        let (truth, ideal) = simulator.next().unwrap();
+        late.propagate(&sensor.sample(&ideal)).unwrap();
+        let mut at = place(&truth);
+        at.lat += 300.0 / 6.37e6;
+        at.lon += 3.0 / 6.37e6 / at.lat.cos();
+        let z = Position::new(at, Vector3::repeat(1.0), 1.0).unwrap();
+        let now = late.filter().time();
+        let done = late.update(&mut source, now, |nav| z.linearize(nav));
+        assert_eq!(done.unwrap().handling, wanted);
+        if wanted == Handling::Reset {
+            // East was used twice, before the opening and after it: what the first time had moved is off the second. 3 km
+            // of σ against 1 m; twice that move would be 0.5 m.
+            let d = late.filter().nav().displacement_to(&at).unwrap();
+            assert!(d.amax() < 0.02, "{d}");
+        }
+    }
+}
+
+#[test]
 fn opening_forgets_and_nothing_else() {
     let simulator = Simulator::new(motion(), DT);
     let mut f = filter(&simulator.truth(), &SensorErrors::TACTICAL);

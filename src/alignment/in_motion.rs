@@ -93,6 +93,11 @@ impl<const K: usize> InMotion<K> {
             return Err(Error::OutOfRange);
         }
         let zero = Two::of(0.0);
+        let mut points = Ring::new();
+        points.keep(Point {
+            time: 0.0,
+            v_b0: Vector3::zeros(),
+        });
         Ok(Self {
             limits,
             gravity,
@@ -100,7 +105,7 @@ impl<const K: usize> InMotion<K> {
             frame: InertialFrame::new(),
             v_b0: [zero; 3],
             time: zero,
-            points: Ring::new(),
+            points,
             last: None,
             pairs: 0,
             sum_a: Vector3::zeros(),
