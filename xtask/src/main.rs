@@ -12,6 +12,7 @@ mod bench;
 mod builds;
 mod debian;
 mod golden;
+mod mutants;
 mod packages;
 mod pairs;
 mod panics;
@@ -66,6 +67,12 @@ enum Command {
     Size,
     /// Prove at link time that no panic path survives, at opt-level 3 and "s"
     PanicFree,
+    /// Put sign errors into a copy of the sources, one at a time: a test must find each
+    Mutants {
+        /// Only those whose file, description or test contains this
+        #[arg(default_value = "")]
+        only: String,
+    },
     /// Compare the golden traces
     Golden {
         /// Rewrite them
@@ -101,6 +108,7 @@ fn run(command: Command) -> Result<ExitCode> {
         Command::PanicFree => {
             report::standalone(|report| panics::prove(report, &toolchain::ready()?))
         }
+        Command::Mutants { only } => report::standalone(|report| mutants::run(report, &only)),
         Command::Golden { accept } => golden::run(accept),
     }
 }

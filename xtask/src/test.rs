@@ -6,13 +6,16 @@ use std::process::{ExitCode, Stdio};
 use anyhow::{bail, Context, Result};
 
 use crate::report::Report;
-use crate::{bench, builds, packages, pairs, panics, shell, size, toolchain};
+use crate::{bench, builds, mutants, packages, pairs, panics, shell, size, toolchain};
 
 /// Runs tier 1, or tier 2 with the long runs as well.
 pub fn run(full: bool) -> Result<ExitCode> {
     let mut report = Report::default();
     builds::host(&mut report);
     host_tests(&mut report, full)?;
+    if full {
+        mutants::run(&mut report, "")?;
+    }
 
     let mut found = None;
     report.check("bare-metal toolchain, QEMU and tools", || {
