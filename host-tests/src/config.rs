@@ -32,6 +32,16 @@
 //! position_m = 2
 //! height_m = 4
 //! velocity_m_s = 0.1
+//! latency_s = 0.25              # the rest of this part with --in-motion: how old a fix is when its line comes,
+//! lever_arm_m = [0.2, 0, 0.9]   # from the IMU to the antenna: right, forward, up,
+//! lock_out_s = 5                # and refused for so long the filter is reset to it
+//!
+//! [wheels]                      # with --in-motion: a vehicle that moves neither sideways nor upwards; left out: it may
+//! axle_m = [0, -1.2, -0.5]      # from the IMU to the axle that is not steered
+//! boresight_deg = [1.5, 0, 0]   # how the vehicle stands to the IMU: heading, pitch, roll
+//! sideways_m_s = 0.1
+//! upwards_m_s = 0.2
+//! interval_s = 0.2
 //!
 //! [required]                    # σ that the user wants; left out: no requirement
 //! position_m = 5
@@ -46,11 +56,12 @@ use std::fs;
 use std::path::Path;
 
 use navsight::alignment::standing::Plan;
+use navsight::attitude::Euler;
 use navsight::error::Error;
 use navsight::error_model::{BiasModel, NoiseDensity, N};
 use navsight::filter::{Prior, Settings};
 use navsight::imu::ImuLimits;
-use navsight::measurement::{Antenna, ZeroVelocity};
+use navsight::measurement::{Antenna, Boresight, NonHolonomic, ZeroVelocity};
 use serde::de::DeserializeOwned;
 use serde::Deserialize;
 
@@ -80,6 +91,8 @@ pub struct Config {
     pub filter: Running,
     /// How good satellite fixes are.
     pub gnss: Gnss,
+    /// A vehicle on wheels.
+    pub wheels: Option<Wheels>,
     /// What is wanted of the states.
     pub required: Required,
 }
@@ -314,6 +327,52 @@ impl Default for Gnss {
     }
 }
 
+/// A vehicle that moves neither sideways nor upwards.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Wheels {
+    /// From the IMU to the axle that is not steered: right, forward, up [m].
+    pub axle_m: [f64; 3],
+    /// How the vehicle stands to the IMU: heading, pitch, roll [°].
+    pub boresight_deg: [f64; 3],
+    /// 1σ of its side slip [m/s].
+    pub sideways_m_s: f64,
+    /// 1σ upwards [m/s].
+    pub upwards_m_s: f64,
+    /// Between two uses [s].
+    pub interval_s: f64,
+}
+
+impl Default for Wheels {
+    fn default() -> Self {
+        Self {
+            axle_m: [0.0; 3],
+            boresight_deg: [0.0; 3],
+            sideways_m_s: 0.1,
+            upwards_m_s: 0.2,
+            interval_s: 0.2,
+        }
+    }
+}
+
+impl Wheels {
+    /// The constraint.
+    ///
+    /// # Errors
+    /// Those of [`Antenna::new`], [`Boresight::new`] and [`NonHolonomic::new`].
+    pub fn constraint(&self) -> Result<NonHolonomic, Error> {
+        let axle = nalgebra::Vector3::from(self.axle_m.map(|x| x as f32));
+        let [heading, pitch, roll] = self.boresight_deg.map(|x| x as f32);
+        NonHolonomic::new(
+            Antenna::new(axle)?,
+            Boresight::new(Euler::from_degrees(heading, pitch, roll))?,
+            self.sideways_m_s as f32,
+            self.upwards_m_s as f32,
+            self.interval_s as f32,
+        )
+    }
+}
+
 impl Config {
     /// What the filter is started with at this latitude [rad]. A sensor whose biases tilt the level or turn the
     /// gyrocompass by more than the configured level and heading makes those wider.
@@ -363,7 +422,7 @@ impl Config {
     /// How a flight is filtered whose attitude is found in motion.
     ///
     /// # Errors
-    /// Those of [`Antenna::new`].
+    /// Those of [`Antenna::new`] and [`Wheels::constraint`].
     pub fn setup(&self) -> Result<Setup, Error> {
         let (s, g) = (&self.sensor, &self.gnss);
         let lever = nalgebra::Vector3::from(g.lever_arm_m.map(|x| x as f32));
@@ -375,6 +434,7 @@ impl Config {
             sigma: [g.position_m, g.height_m, g.velocity_m_s].map(|x| x as f32),
             latency: g.latency_s,
             antenna: Antenna::new(lever)?,
+            wheels: self.wheels.as_ref().map(Wheels::constraint).transpose()?,
             heading: self.prior.heading_deg.max(1.0).to_radians() as f32,
             start: [
                 self.prior.level_deg.to_radians() as f32,

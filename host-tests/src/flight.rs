@@ -11,7 +11,7 @@ use navsight::filter::{
     Aided, Filter, Gate, Handling, LateFilter, Prior, Settings, Source, States,
 };
 use navsight::imu::{ImuIncrement, ImuLimits};
-use navsight::measurement::{Antenna, Position, Velocity};
+use navsight::measurement::{Antenna, NonHolonomic, Position, Velocity};
 use navsight::nav::NavState;
 
 use crate::input::gnss::Fix;
@@ -40,6 +40,8 @@ pub struct Setup {
     pub latency: f64,
     /// Antenna on the vehicle.
     pub antenna: Antenna,
+    /// A vehicle on wheels moves neither sideways nor upwards: once in its interval.
+    pub wheels: Option<NonHolonomic>,
     /// The filter starts when its heading is found to this [rad], 1σ.
     pub heading: f32,
     /// How well the start is known: level [rad], gyro bias [rad/s], accelerometer bias [m/s²].
@@ -60,6 +62,7 @@ impl Setup {
         sigma: [2.5, 5.0, 0.3],
         latency: 0.25,
         antenna: Antenna::AT_IMU,
+        wheels: None,
         heading: 0.14,
         start: [0.05, 0.01, 0.3],
         limit: Some(25.0),
@@ -116,6 +119,8 @@ pub struct Flight {
     pub position: Source,
     /// Velocities.
     pub velocity: Source,
+    /// Wheels.
+    pub wheels: Source,
     /// Samples longer than [`GAP`]: end and length [s].
     pub gaps: Vec<(f64, f64)>,
     setup: Setup,
@@ -123,6 +128,8 @@ pub struct Flight {
     begin: f64,
     next: usize,
     interval: f32,
+    /// Since the wheels were used [s].
+    rolled: f64,
 }
 
 /// What one fix led to.
@@ -166,6 +173,11 @@ impl Flight {
             stage: Stage::Finding(InMotion::new(gravity, 0.9, ImuLimits::DEFAULT)?),
             position: gate(States::POSITION)?,
             velocity: gate(States::VELOCITY)?,
+            wheels: Source::new(Gate {
+                limit: setup.limit,
+                lock_out: None,
+            })?,
+            rolled: 0.0,
             gaps: Vec::new(),
             setup,
             begin: first.t - first.dt,
@@ -205,6 +217,7 @@ impl Flight {
             Stage::Finding(finder) => finder.take(&imu)?,
             Stage::Running(filter) => filter.propagate(&imu)?,
         }
+        self.roll(sample.dt)?;
         let mut done = Vec::new();
         while let Some(fix) = fixes.get(self.next).filter(|fix| fix.t <= sample.t) {
             self.next += 1;
@@ -216,6 +229,20 @@ impl Flight {
             }
         }
         Ok(done)
+    }
+
+    /// The wheels, where it is their time.
+    fn roll(&mut self, dt: f64) -> Result<(), Error> {
+        let (Some(wheels), Stage::Running(filter)) = (&self.setup.wheels, &mut self.stage) else {
+            return Ok(());
+        };
+        self.rolled += dt;
+        if self.rolled + 0.5 * dt >= f64::from(wheels.interval()) {
+            self.rolled = 0.0;
+            let now = filter.filter().time();
+            filter.update(&mut self.wheels, now, |nav| wheels.linearize(nav))?;
+        }
+        Ok(())
     }
 
     fn fix(&mut self, fix: &Fix, time: f64, v: Vector3<f32>) -> Result<Option<Fixed>, Error> {

@@ -80,7 +80,7 @@ fn the_report_is_one_file_with_its_pictures() {
     assert!(output.status.success());
     let html = std::fs::read_to_string(folder.join("report.html")).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
-    assert_eq!(html.matches("<svg").count(), 8);
+    assert_eq!(html.matches("<svg").count(), 11);
     assert!(
         !html
             .replace("http://www.w3.org/2000/svg", "")

@@ -86,6 +86,19 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Pairs of `--outage FROM TO`.
+pub fn outages(times: &[f64]) -> Result<Vec<(f64, f64)>, LabError> {
+    let pair = |pair: &[f64]| match *pair {
+        [from, to] if from < to => Ok((from, to)),
+        [from, to] => Err(LabError::plain(format!(
+            "it has to end after it begins, not from {from} to {to}"
+        ))
+        .field("--outage")),
+        _ => Err(LabError::plain("two times are needed").field("--outage")),
+    };
+    times.chunks(2).map(pair).collect()
+}
+
 /// A progress bar on standard error, drawn only on a terminal.
 pub fn progress(steps: u64, what: &'static str) -> indicatif::ProgressBar {
     let style = indicatif::ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}")

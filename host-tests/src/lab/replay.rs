@@ -29,6 +29,7 @@ use crate::input::rest::{self, Flag};
 use crate::input::{Axes, ImuReader, ImuSample};
 
 mod evidence;
+mod manoeuvres;
 mod pages;
 mod tally;
 mod verdicts;
@@ -260,7 +261,7 @@ impl<'a> Replay<'a> {
             Driver::Standing(alignment)
         };
         let mut tally = Tally::default();
-        let outages: Vec<(f64, f64)> = args.outage.chunks(2).map(|c| (c[0], c[1])).collect();
+        let outages = super::outages(&args.outage)?;
         for (from, to) in &outages {
             tally.event(&format!("fixes from {from} s to {to} s are left out"));
         }
@@ -319,6 +320,7 @@ impl<'a> Replay<'a> {
             }
             Driver::Flying(_) => self.fly(sample).map_err(refused)?,
         }
+        self.moved();
         self.compare(sample.t);
         Ok(())
     }
@@ -365,19 +367,27 @@ impl<'a> Replay<'a> {
                 }
             }
             let reports = [fix.position.report, fix.velocity.report];
-            self.tally.fix(&reports);
-            if let Some(filter) = self.filter() {
-                let (nav, origin) = (filter.nav(), self.aids.fixes.first());
-                let place = origin.map(|f| Geodetic::from_degrees(f.lat_deg, f.lon_deg, f.height));
-                if let Some(d) = place.and_then(|place| nav.displacement_to(&place).ok()) {
-                    let v = nav.v_n();
-                    self.tally
-                        .moved([-d.x, -d.y, v.x.hypot(v.y)].map(f64::from));
-                }
-            }
+            self.tally.fix(&reports[0], Some(&reports[1]));
             self.updated(&reports)?;
         }
         Ok(())
+    }
+
+    /// Where the vehicle is and how it moves, for the pictures.
+    fn moved(&mut self) {
+        let Some(filter) = self.filter() else { return };
+        let (nav, origin) = (filter.nav(), self.aids.fixes.first());
+        let v = nav.v_n();
+        let heading = f64::from(nav.euler().heading.to_degrees());
+        let place = origin.map(|f| Geodetic::from_degrees(f.lat_deg, f.lon_deg, f.height));
+        let away = place.and_then(|place| nav.displacement_to(&place).ok());
+        let now = self.tally.time;
+        let level = [v.x, v.y].map(f64::from);
+        self.tally.manoeuvres.take(now, heading, level);
+        if let Some(d) = away {
+            self.tally
+                .moved([-d.x, -d.y, v.x.hypot(v.y)].map(f64::from));
+        }
     }
 
     /// What the alignment of a standing vehicle did with a sample.
@@ -433,11 +443,13 @@ impl<'a> Replay<'a> {
             let interval = self.fix_interval;
             let position = Position::new(place, Vector3::new(flat, flat, up), interval)?;
             reports.push(filter.update(&position.linearize(filter.nav()))?);
+            let first = reports.len() - 1;
             if let Some(v) = fix.v_n {
                 let v = Vector3::from(v.map(|x| x as f32));
                 let velocity = Velocity::new(v, Vector3::repeat(g.velocity_m_s as f32), interval)?;
                 reports.push(filter.update(&velocity.linearize(filter.nav()))?);
             }
+            self.tally.fix(&reports[first], reports.get(first + 1));
         }
         if let Some(flags) = &self.aids.flags {
             self.rested &= rest::at(flags, sample.t);

@@ -7,7 +7,7 @@ use navsight::tracking::Outcome;
 use serde_json::json;
 
 use super::LabError;
-use crate::report::{short, Chart, Page, Scale, Series, Table, Tone};
+use crate::report::{short, Band, Chart, Page, Scale, Series, Table, Tone};
 use crate::tracking::scenario::{Drive, Receiver};
 use crate::tracking::{run as track, Config, Flag, Step};
 
@@ -27,9 +27,9 @@ pub struct Args {
     /// Seed of the simulated noise
     #[arg(long, default_value_t = 1, conflicts_with = "input")]
     seed: u64,
-    /// No measurements for FROM ≤ t < TO [s]
+    /// No measurements for FROM ≤ t < TO [s]; may be given several times
     #[arg(long, num_args = 2, value_names = ["FROM", "TO"])]
-    outage: Option<Vec<f64>>,
+    outage: Vec<f64>,
     /// Number type of the filter
     #[arg(long, value_name = "f32|f64", default_value = "f64")]
     scalar: Scalar,
@@ -58,7 +58,8 @@ pub fn run(args: &Args) -> Result<(), LabError> {
         None => simulated(args, &drive)?,
     };
     let times = times(&config);
-    if let Some(&[from, to]) = args.outage.as_deref() {
+    let outages = super::outages(&args.outage)?;
+    for &(from, to) in &outages {
         for (k, t) in times.iter().enumerate() {
             if (from..to).contains(t) {
                 (config.has_pos[k], config.has_vel[k]) = (Flag(false), Flag(false));
@@ -86,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), LabError> {
     }
     if let Some(folder) = &args.report {
         let truth = args.input.is_none().then_some(&drive);
-        let path = page(&config, &times, &steps, truth).write(folder)?;
+        let path = page(&config, &times, &steps, truth, &outages).write(folder)?;
         eprintln!("written: {}", path.display());
     }
     Ok(())
@@ -210,8 +211,16 @@ const BLUE: &str = "#2563eb";
 const ORANGE: &str = "#ea580c";
 const GRAY: &str = "#94a3b8";
 const GREEN: &str = "#16a34a";
+const TURNING: &str = "#fef3c7";
+const NO_FIXES: &str = "#fee2e2";
 
-fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -> Page {
+fn page(
+    config: &Config,
+    times: &[f64],
+    steps: &[Step],
+    truth: Option<&Drive>,
+    outages: &[(f64, f64)],
+) -> Page {
     let mut page = Page::new(
         "Tracking by satellite positions and velocities",
         "One axis: what was measured, what the filter made of it, and how much it has learnt about each state.",
@@ -222,13 +231,22 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
         width: 2,
         points: times.iter().enumerate().map(|(k, t)| (*t, f(k))).collect(),
     };
-    let manoeuvre = truth.map(|d| d.from..d.from + d.lasts);
-    let chart = |title: &str, scale, series| {
-        let mut chart = Chart::new(title, scale, series);
-        chart.x_label = "t, s".into();
-        chart.band = manoeuvre.clone();
-        chart.svg()
+    let band = |(from, to), color, label: &str| Band {
+        range: from..to,
+        color,
+        label: label.into(),
     };
+    let bands: Vec<Band> = truth
+        .map(|d| band((d.from, d.from + d.lasts), TURNING, "acceleration"))
+        .into_iter()
+        .chain(outages.iter().map(|o| band(*o, NO_FIXES, "outage")))
+        .collect();
+    let over_time = |title: &str, scale, series| Chart {
+        x_label: "t, s".into(),
+        bands: bands.clone(),
+        ..Chart::new(title, scale, series)
+    };
+    let chart = |title: &str, scale, series| over_time(title, scale, series).svg();
     let rejected = count(steps, Outcome::Rejected);
     let tone = if rejected == 0 {
         Tone::Good
@@ -255,48 +273,60 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
     );
 
     page.section("Trajectory");
-    if truth.is_some() {
-        page.text("Tinted: the acceleration. Bounds are 3σ.");
-    }
     page.key(&[
-        (BLUE, "estimate or error"),
         (GRAY, "measured"),
-        (ORANGE, "3σ"),
+        (BLUE, "estimate"),
+        (TURNING, "acceleration"),
+        (NO_FIXES, "outage"),
     ]);
     let measured =
         |z: &[Option<f64>], has: &[Flag], k: usize| z[k].filter(|_| has[k].0).unwrap_or(f64::NAN);
+    let names = ["position, m", "velocity, m/s", "acceleration, m/s²"];
     let mut pictures = Vec::new();
-    for (i, name) in ["position, m", "velocity, m/s", "acceleration, m/s²"]
-        .iter()
-        .enumerate()
-    {
-        match truth {
-            Some(drive) => pictures.push(chart(
-                &format!("error of {name}"),
+    for (i, name) in names.iter().enumerate() {
+        let mut lines = Vec::new();
+        if i == 0 {
+            lines.push(line("", GRAY, &|k| {
+                measured(&config.z_pos, &config.has_pos, k)
+            }));
+        } else if i == 1 {
+            lines.push(line("", GRAY, &|k| {
+                measured(&config.z_vel, &config.has_vel, k)
+            }));
+        }
+        lines.push(line("", BLUE, &|k| steps[k].x[i]));
+        pictures.push(chart(name, Scale::Linear, lines));
+    }
+    page.figures(3, &pictures, "Each state over time.");
+    // the start and an outage would flatten all the rest
+    let usual = |mut s: Vec<f64>| {
+        s.retain(|s| *s > 0.0);
+        s.sort_by(f64::total_cmp);
+        s.get(s.len() / 2).map(|s| -6.0 * s..6.0 * s)
+    };
+    if let Some(drive) = truth {
+        page.section("Errors");
+        page.key(&[(BLUE, "error"), (ORANGE, "3σ")]);
+        let mut pictures = Vec::new();
+        for (i, name) in names.iter().enumerate() {
+            let mut picture = over_time(
+                name,
                 Scale::Linear,
                 vec![
                     line("", ORANGE, &|k| 3.0 * sigma(&steps[k])[i]),
                     line("", ORANGE, &|k| -3.0 * sigma(&steps[k])[i]),
                     line("", BLUE, &|k| steps[k].x[i] - drive.at(times[k])[i]),
                 ],
-            )),
-            None => {
-                let mut lines = Vec::new();
-                if i == 0 {
-                    lines.push(line("", GRAY, &|k| {
-                        measured(&config.z_pos, &config.has_pos, k)
-                    }));
-                } else if i == 1 {
-                    lines.push(line("", GRAY, &|k| {
-                        measured(&config.z_vel, &config.has_vel, k)
-                    }));
-                }
-                lines.push(line("", BLUE, &|k| steps[k].x[i]));
-                pictures.push(chart(name, Scale::Linear, lines));
-            }
+            );
+            picture.y_range = usual(steps.iter().map(|step| sigma(step)[i]).collect());
+            pictures.push(picture.svg());
         }
+        page.figures(
+            3,
+            &pictures,
+            "Estimate minus truth; a line that leaves the picture comes back.",
+        );
     }
-    page.figures(3, &pictures, "Each state over time.");
 
     page.section("Innovations");
     let bounds = |m: usize, sign: f64| {
@@ -319,16 +349,6 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
             }
         }
     };
-    // the first innovation and the one after an outage would flatten all others
-    let usual = |m: usize| {
-        let mut s: Vec<f64> = steps
-            .iter()
-            .map(|step| step.s[m])
-            .filter(|s| *s > 0.0)
-            .collect();
-        s.sort_by(f64::total_cmp);
-        s.get(s.len() / 2).map(|s| -6.0 * s.sqrt()..6.0 * s.sqrt())
-    };
     let pictures: Vec<String> = ["position, m", "velocity, m/s"]
         .iter()
         .enumerate()
@@ -338,10 +358,8 @@ fn page(config: &Config, times: &[f64], steps: &[Step], truth: Option<&Drive>) -
                 line("", ORANGE, &bounds(m, -1.0)),
                 line("", BLUE, &innovation(m)),
             ];
-            let mut picture = Chart::new(*name, Scale::Linear, lines);
-            picture.x_label = "t, s".into();
-            picture.band = manoeuvre.clone();
-            picture.y_range = usual(m);
+            let mut picture = over_time(name, Scale::Linear, lines);
+            picture.y_range = usual(steps.iter().map(|step| step.s[m].sqrt()).collect());
             picture.svg()
         })
         .collect();

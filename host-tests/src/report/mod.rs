@@ -6,7 +6,7 @@ pub mod plot;
 mod table;
 
 pub use page::{write_file, Page, Tone};
-pub use plot::{Chart, Scale, Series};
+pub use plot::{Band, Chart, Scale, Series};
 pub use table::{Cell, Table};
 
 /// A number in the fewest digits that a reader needs: four significant ones, an exponent where it is tiny or huge.

@@ -16,7 +16,6 @@ const POINTS: usize = 400;
 const INK: RGBColor = RGBColor(30, 41, 59);
 const SOFT: RGBColor = RGBColor(100, 116, 139);
 const GRID: RGBColor = RGBColor(226, 232, 240);
-const BAND: RGBColor = RGBColor(254, 243, 199);
 
 /// A line.
 #[derive(Clone, Debug)]
@@ -29,6 +28,28 @@ pub struct Series {
     pub width: u32,
     /// Points; one that is not finite, not positive on a logarithmic scale, or off the chart leaves a gap.
     pub points: Vec<(f64, f64)>,
+}
+
+/// A tinted interval.
+#[derive(Clone, Debug)]
+pub struct Band {
+    /// From where to where.
+    pub range: Range<f64>,
+    /// Colour as `#rrggbb`, a light one.
+    pub color: &'static str,
+    /// Written into it where there is room; empty for nothing.
+    pub label: String,
+}
+
+impl Band {
+    /// In the usual colour, without a word.
+    pub fn plain(range: Range<f64>) -> Self {
+        Self {
+            range,
+            color: "#fef3c7",
+            label: String::new(),
+        }
+    }
 }
 
 /// Vertical axis.
@@ -91,8 +112,10 @@ pub struct Chart {
     pub y_range: Option<Range<f64>>,
     /// Values that the vertical axis reaches at least.
     pub y_includes: Option<Range<f64>>,
-    /// Interval to tint.
-    pub band: Option<Range<f64>>,
+    /// Intervals to tint.
+    pub bands: Vec<Band>,
+    /// A path in a plane and not a value over x: one unit is as long along both axes, and no point is left out.
+    pub path: bool,
     /// Level to mark.
     pub level: Option<f64>,
     /// Lines.
@@ -110,7 +133,8 @@ impl Chart {
             scale,
             y_range: None,
             y_includes: None,
-            band: None,
+            bands: Vec::new(),
+            path: false,
             level: None,
             series,
             size: (340, 190),
@@ -165,6 +189,13 @@ impl Chart {
                 )
             })
             .unwrap_or(0.0..1.0);
+        // the names of the bands stand above the lines
+        let labelled = self.bands.iter().any(|band| !band.label.is_empty());
+        let y = match labelled && self.y_range.is_none() {
+            true => y.start..y.end + 0.08 * (y.end - y.start),
+            false => y,
+        };
+        let (x, y) = if self.path { self.even(x, y) } else { (x, y) };
         let px = |n: u32| n * FINE;
         let font = |n: u32, color: &RGBColor| ("sans-serif", px(n)).into_font().color(color);
 
@@ -196,14 +227,12 @@ impl Chart {
             font(13, &INK),
         ))
         .map_err(drop)?;
-        if let Some(band) = &self.band {
-            let (from, to) = (band.start.max(x.start), band.end.min(x.end));
+        for band in &self.bands {
+            let (from, to) = (band.range.start.max(x.start), band.range.end.min(x.end));
             if from < to {
+                let area = [(from, y.start), (to, y.end)];
                 chart
-                    .draw_series([Rectangle::new(
-                        [(from, y.start), (to, y.end)],
-                        BAND.filled(),
-                    )])
+                    .draw_series([Rectangle::new(area, color(band.color).filled())])
                     .map_err(drop)?;
             }
         }
@@ -225,15 +254,63 @@ impl Chart {
                 .draw_series(DashedLineSeries::new(path, px(4), px(3), style))
                 .map_err(drop)?;
         }
+        self.band_labels(&mut chart, &x, &y)?;
         for (series, parts) in self.series.iter().zip(&lines) {
             let style = ShapeStyle::from(color(series.color)).stroke_width(FINE * series.width);
             for part in parts {
+                let points = if self.path { part.clone() } else { thin(part) };
                 chart
-                    .draw_series(LineSeries::new(thin(part), style))
+                    .draw_series(LineSeries::new(points, style))
                     .map_err(drop)?;
             }
         }
         self.key(root, &font(11, &INK))
+    }
+
+    /// Names of the bands, below their upper ends, where they fit.
+    fn band_labels<'a, DB: DrawingBackend + 'a>(
+        &self,
+        chart: &mut ChartContext<'a, DB, Cartesian2d<Axis, Axis>>,
+        x: &Range<f64>,
+        y: &Range<f64>,
+    ) -> Result<(), ()> {
+        let plot = f64::from(self.size.0.saturating_sub(64));
+        let size = 9 * FINE;
+        for band in self.bands.iter().filter(|b| !b.label.is_empty()) {
+            let (from, to) = (band.range.start.max(x.start), band.range.end.min(x.end));
+            let room = (to - from) / (x.end - x.start) * plot;
+            // half of the height of a letter is its mean width
+            if room < 4.8 * band.label.chars().count() as f64 + 4.0 {
+                continue;
+            }
+            let style = ("sans-serif", size)
+                .into_font()
+                .color(&SOFT)
+                .pos(Pos::new(HPos::Center, VPos::Top));
+            let top = y.end - 0.02 * (y.end - y.start);
+            chart
+                .draw_series([Text::new(
+                    band.label.clone(),
+                    (0.5 * (from + to), top),
+                    style,
+                )])
+                .map_err(drop)?;
+        }
+        Ok(())
+    }
+
+    /// Ranges that show one unit as long along both axes.
+    fn even(&self, x: Range<f64>, y: Range<f64>) -> (Range<f64>, Range<f64>) {
+        let plot = (
+            f64::from(self.size.0.saturating_sub(64)),
+            f64::from(self.size.1.saturating_sub(60)),
+        );
+        let unit = ((x.end - x.start) / plot.0).max((y.end - y.start) / plot.1);
+        let around = |r: &Range<f64>, pixels: f64| {
+            let (middle, half) = (0.5 * (r.start + r.end), 0.53 * unit * pixels);
+            middle - half..middle + half
+        };
+        (around(&x, plot.0), around(&y, plot.1))
     }
 
     /// Names of the lines, in the top right corner, right to left.

@@ -7,7 +7,7 @@ use navsight::error_model::{ATT, BA, BG, N};
 use super::super::states::STATES;
 use super::{Along, Case, Moment, Paper, Scenario};
 use crate::config::DEG_PER_H;
-use crate::report::{digits, short, Cell, Chart, Page, Scale, Series, Table, Tone};
+use crate::report::{digits, short, Band, Cell, Chart, Page, Scale, Series, Table, Tone};
 
 const BLUE: &str = "#2563eb";
 const ORANGE: &str = "#ea580c";
@@ -308,7 +308,7 @@ impl Outcome<'_> {
     fn chart(&self, title: impl Into<String>, scale: Scale, series: Vec<Series>) -> Chart {
         let s = self.scenario;
         Chart {
-            band: Some(s.turn_at_s..s.turn_at_s + s.turn_time_s),
+            bands: vec![Band::plain(s.turn_at_s..s.turn_at_s + s.turn_time_s)],
             ..Chart::new(title, scale, series)
         }
     }

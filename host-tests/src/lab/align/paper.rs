@@ -6,7 +6,7 @@ use serde_json::{json, Value};
 use super::super::LabError;
 use crate::covariance_analysis::{self, Instant};
 use crate::paper::lu2009;
-use crate::report::{digits, Cell, Chart, Scale, Series, Table, Tone};
+use crate::report::{digits, Band, Cell, Chart, Scale, Series, Table, Tone};
 
 /// Step of the paper's filter [s], and how long it runs.
 pub(super) const STEPS: u64 = 600;
@@ -180,7 +180,7 @@ impl Paper {
             .into();
         let chart = Chart::new(title, scale, series);
         Chart {
-            band: Some(300.0..302.0),
+            bands: vec![Band::plain(300.0..302.0)],
             x_label: "time [s]".into(),
             size: (520, 280),
             ..chart

@@ -9,9 +9,10 @@ use serde_json::{json, Value};
 use super::super::history::Snapshot;
 use super::super::solution::{table, turn_deg, Solution};
 use super::super::states::STATES;
+use super::manoeuvres::Kind;
 use super::tally::{Last, Tally};
 use super::verdicts::Watch;
-use crate::report::{digits, short, Chart, Page, Scale, Series, Table, Tone};
+use crate::report::{digits, short, Band, Chart, Page, Scale, Series, Table, Tone};
 
 /// What came out.
 pub(super) struct Outcome {
@@ -24,6 +25,9 @@ pub(super) struct Outcome {
     /// Times without fixes [s].
     pub(super) outages: Vec<(f64, f64)>,
 }
+
+/// Colour of times without fixes.
+const NO_FIXES: &str = "#fecaca";
 
 impl Outcome {
     pub(super) fn json(&self) -> Value {
@@ -48,6 +52,7 @@ impl Outcome {
             "nis": { "mean_per_row": per_row, "last_per_row": self.tally.nis.last, "updates": self.tally.nis.updates },
             "rejected": self.tally.rejected,
             "rms_vs_ref": self.rms_json(),
+            "manoeuvres": self.tally.manoeuvres.json(),
             "events": events,
             "t_end_s": self.tally.time,
             "samples": self.tally.samples,
@@ -152,7 +157,14 @@ impl Outcome {
                     named(&|x| x >= 10.0)
                 ),
             ));
-            answers.push((
+            if last.xi2.iter().all(|x| *x >= 1.1) {
+                answers.push((
+                    Tone::Good,
+                    "What is still a guess?",
+                    "Nothing: the variance of every state is down by a tenth and more.".into(),
+                ));
+            } else {
+                answers.push((
                 Tone::Note,
                 "What is still a guess?",
                 format!(
@@ -161,6 +173,7 @@ impl Outcome {
                     named(&|x| x < 1.1)
                 ),
             ));
+            }
         }
         let per_row = self.tally.nis.per_row();
         if per_row.is_finite() {
@@ -231,25 +244,20 @@ impl Outcome {
         page.section("Trajectory and speed");
         let track = plain(blue, self.tally.track.line(|(_, p)| (p[0], p[1])));
         let speed = plain(blue, self.tally.track.line(|(t, p)| (*t, p[2])));
-        let outage = self.outages.first().map(|(from, to)| *from..*to);
         let pictures = [
             Chart {
                 x_label: "east of the first fix [m]".into(),
+                path: true,
                 size: (340, 300),
                 ..Chart::new("north [m]", Scale::Linear, vec![track])
             },
             Chart {
                 x_label: "time [s]".into(),
-                band: outage.clone(),
                 size: (340, 300),
-                ..Chart::new("speed [m/s]", Scale::Linear, vec![speed])
+                ..self.over_time("speed [m/s]", Scale::Linear, vec![speed])
             },
         ];
-        page.figures(
-            2,
-            &pictures.map(|chart| chart.svg()),
-            "Every change of speed and every turn is a manoeuvre; an outage of the fixes is tinted.",
-        );
+        page.figures(2, &pictures.map(|chart| chart.svg()), "");
         page.section("Innovations of the fixes");
         let names = [
             "position east [m]",
@@ -265,9 +273,22 @@ impl Outcome {
             .map(|(i, name)| {
                 let bound = |k: f64| plain(grey, self.tally.fixes.line(|(t, x)| (*t, k * x[i][1])));
                 let line = plain(blue, self.tally.fixes.line(|(t, x)| (*t, x[i][0])));
+                // the first fix after an outage would flatten all others
+                let mut usual: Vec<f64> = self
+                    .tally
+                    .fixes
+                    .line(|(t, x)| (*t, x[i][1]))
+                    .iter()
+                    .map(|p| p.1)
+                    .collect();
+                usual.sort_by(f64::total_cmp);
+                let y_range = usual
+                    .get(usual.len() / 2)
+                    .filter(|s| **s > 0.0)
+                    .map(|s| -6.0 * s..6.0 * s);
                 Chart {
-                    band: outage.clone(),
-                    ..Chart::new(*name, Scale::Linear, vec![bound(3.0), bound(-3.0), line])
+                    y_range,
+                    ..self.over_time(name, Scale::Linear, vec![bound(3.0), bound(-3.0), line])
                 }
                 .svg()
             })
@@ -275,8 +296,40 @@ impl Outcome {
         page.figures(
             3,
             &pictures,
-            "Between ± 3σ of the filter (grey). Over time [s].",
+            "Between ± 3σ of the filter (grey); a line that leaves the picture comes back. Over time [s].",
         );
+    }
+
+    /// A chart over time, with what the vehicle did.
+    fn over_time(&self, title: &str, scale: Scale, series: Vec<Series>) -> Chart {
+        let done = self.tally.manoeuvres.all();
+        let done = done.map(|(kind, (from, to))| Band {
+            range: from..to,
+            color: kind.color(),
+            label: kind.name().into(),
+        });
+        let cut = self.outages.iter().map(|(from, to)| Band {
+            range: *from..*to,
+            color: NO_FIXES,
+            label: "outage".into(),
+        });
+        Chart {
+            bands: done.chain(cut).collect(),
+            ..Chart::new(title, scale, series)
+        }
+    }
+
+    /// The colours of the bands.
+    fn key(&self, page: &mut Page) {
+        let mut entries: Vec<(&str, &str)> = [Kind::Turn, Kind::Acceleration, Kind::Still]
+            .into_iter()
+            .filter(|kind| self.tally.manoeuvres.all().any(|(k, _)| k == *kind))
+            .map(|kind| (kind.color(), kind.name()))
+            .collect();
+        if !self.outages.is_empty() {
+            entries.push((NO_FIXES, "outage of the fixes"));
+        }
+        page.key(&entries);
     }
 
     pub(super) fn page(&self, imu: &Path) -> Page {
@@ -301,6 +354,7 @@ impl Outcome {
             points: self.tally.history.line(|s| (s.t, value(s))),
         };
         page.section("Attitude and its standard deviation");
+        self.key(&mut page);
         let first = self
             .tally
             .history
@@ -314,14 +368,17 @@ impl Outcome {
                 0 => first + turn_deg(first, s.angles_deg[0]),
                 _ => s.angles_deg[i],
             };
-            pictures.push(Chart::new(*name, Scale::Linear, vec![line(&value)]).svg());
+            pictures.push(
+                self.over_time(name, Scale::Linear, vec![line(&value)])
+                    .svg(),
+            );
         }
         for i in [8, 6, 7] {
             let state = &STATES[i];
             let title = format!("σ of {} [{}]", state.name, state.unit);
             pictures.push(
-                Chart::new(
-                    title,
+                self.over_time(
+                    &title,
                     Scale::Logarithmic,
                     vec![line(&|s: &Snapshot| s.sigma[i] / state.in_si)],
                 )
@@ -331,11 +388,12 @@ impl Outcome {
         page.figures(3, &pictures, "Over time [s].");
         self.flight(&mut page);
         page.section("ξ2: variance at the start over variance now");
+        self.key(&mut page);
         let pictures: Vec<String> = STATES
             .iter()
             .enumerate()
             .map(|(i, state)| {
-                Chart::new(
+                self.over_time(
                     state.name,
                     Scale::Logarithmic,
                     vec![line(&|s: &Snapshot| s.xi2[i])],
@@ -348,7 +406,7 @@ impl Outcome {
         let chart = Chart {
             level: Some(1.0),
             size: (690, 190),
-            ..Chart::new("", Scale::Logarithmic, vec![line(&|s: &Snapshot| s.nis)])
+            ..self.over_time("", Scale::Logarithmic, vec![line(&|s: &Snapshot| s.nis)])
         };
         page.figures(
             1,

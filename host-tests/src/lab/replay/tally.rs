@@ -4,6 +4,7 @@ use navsight::error_model::N;
 use navsight::filter::UpdateReport;
 
 use super::super::history::{History, Snapshot};
+use super::manoeuvres::Manoeuvres;
 use super::verdicts::Watch;
 
 /// What a run adds up, sample by sample.
@@ -19,6 +20,7 @@ pub(super) struct Tally {
     pub(super) track: History<(f64, [f64; 3])>,
     /// Time; innovation and its 1σ of position and velocity, east, north, up.
     pub(super) fixes: History<(f64, [[f64; 2]; 6])>,
+    pub(super) manoeuvres: Manoeuvres,
     /// Once the filter runs.
     pub(super) watch: Option<Watch>,
     pub(super) time: f64,
@@ -34,16 +36,22 @@ impl Tally {
         }
     }
 
-    /// Both halves of a fix.
-    pub(super) fn fix(&mut self, [position, velocity]: &[UpdateReport<3>; 2]) {
+    /// Both halves of a fix; some have no velocity.
+    pub(super) fn fix(&mut self, position: &UpdateReport<3>, velocity: Option<&UpdateReport<3>>) {
         let row = |i: usize| {
-            let (report, k) = if i < 3 {
-                (position, i)
-            } else {
-                (velocity, i - 3)
-            };
-            [f64::from(report.nu[k]), f64::from(report.s[k].sqrt())]
+            let report = if i < 3 { Some(position) } else { velocity };
+            let k = i % 3;
+            report.map_or([f64::NAN; 2], |report| {
+                [f64::from(report.nu[k]), f64::from(report.s[k].sqrt())]
+            })
         };
+        const PAUSE: f64 = 3.0; // longer ones leave a gap in the line
+        match self.fixes.snapshots().last() {
+            Some((before, _)) if self.time - before > PAUSE => {
+                self.fixes.push((self.time, [[f64::NAN; 2]; 6]));
+            }
+            _ => {}
+        }
         self.fixes.push((self.time, std::array::from_fn(row)));
     }
 
