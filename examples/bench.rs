@@ -18,14 +18,31 @@ mod alignment;
 #[cfg(target_os = "none")]
 mod firmware;
 #[cfg(target_os = "none")]
+#[path = "firmware/kernels.rs"]
+mod kernels;
+#[cfg(target_os = "none")]
 #[path = "firmware/probe.rs"]
 mod probe;
 #[cfg(target_os = "none")]
 #[path = "firmware/rows.rs"]
 mod rows;
 #[cfg(target_os = "none")]
+#[path = "firmware/states.rs"]
+mod states;
+#[cfg(target_os = "none")]
 #[path = "firmware/ways.rs"]
 mod ways;
 
+/// All rows, in the order of the table, and the states.
 #[cfg(target_os = "none")]
-use rows::run;
+fn run(out: &mut cortex_m_semihosting::hio::HostStream) -> core::fmt::Result {
+    let table = &mut rows::Table(out);
+    let (filter, imu) = rows::usual(table)?;
+    aiding::run(table, &filter, imu)?;
+    ways::run(table)?;
+    advice::run(table, &filter)?;
+    alignment::run(table, &filter, imu)?;
+    kernels::run::<f32>(table, "f32", &filter, imu)?;
+    kernels::run::<f64>(table, "f64", &filter, imu)?;
+    states::list(table)
+}

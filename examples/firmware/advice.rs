@@ -54,8 +54,5 @@ pub fn run(table: &mut Table, filter: &Filter) -> core::fmt::Result {
         "f32",
         planner,
         |planner| planner.step(u16::MAX),
-    )?;
-    table.ram::<Verdicts>("Verdicts")?;
-    table.ram::<Supervisor>("Supervisor")?;
-    table.ram::<Planner<6>>("Planner<6>")
+    )
 }

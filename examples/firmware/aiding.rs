@@ -147,8 +147,7 @@ fn late(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Res
             let time = late.filter().time() - 0.205;
             late.update(source, time, |nav| fix.linearize(nav))
         },
-    )?;
-    table.ram::<LateFilter<REMEMBERED>>("LateFilter<64>")
+    )
 }
 
 /// Three axes, position and velocity, ten fixes old.
@@ -177,6 +176,5 @@ fn tracker(table: &mut Table) -> core::fmt::Result {
         "f32",
         (tracker, fix),
         |(t, fix)| t.update(fix),
-    )?;
-    table.ram::<LocalTracker<f32>>("LocalTracker<f32>")
+    )
 }

@@ -39,7 +39,7 @@ fn rest(table: &mut Table, imu: ImuIncrement) -> core::fmt::Result {
             |(d, imu)| d.take(imu),
         )?;
     }
-    table.ram::<StationaryDetector>("StationaryDetector")
+    Ok(())
 }
 
 /// The coarse window, and the gate before an update.
@@ -69,9 +69,7 @@ fn coarse(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::R
         "f32",
         (gate, filter, measurement),
         |(gate, filter, measurement)| gate.update(filter, measurement),
-    )?;
-    table.ram::<CoarseAlignment>("CoarseAlignment")?;
-    table.ram::<Gate>("Gate")
+    )
 }
 
 /// The filter goes through the coarse window: the dearest call until it has caught up.
@@ -103,7 +101,7 @@ fn again(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Re
             |(alignment, imu)| alignment.take(imu),
         )?;
     }
-    table.ram::<StandingAlignment<64>>("StandingAlignment<64>")
+    Ok(())
 }
 
 /// The planner, part by part.
@@ -156,6 +154,5 @@ fn in_motion(table: &mut Table, imu: ImuIncrement) -> core::fmt::Result {
         // an even motion tells no heading; the work is the same
         let _ = finder.solve(0.1);
         Ok(())
-    })?;
-    table.ram::<InMotion<16>>("InMotion<16>")
+    })
 }

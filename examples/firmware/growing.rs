@@ -1,6 +1,6 @@
 //! The rows of the growth tables: a filter at rest, so that nothing but the number of rows or the rate changes.
 
-use core::fmt::Write;
+use core::fmt::{Display, Write};
 
 use cortex_m_semihosting::hio::HostStream;
 use nalgebra::{SVector, Vector3};
@@ -15,17 +15,15 @@ use navsight::measurement::{Jacobian, Linearized};
 use navsight::nav::NavState;
 use navsight::observability::diagonal::Xi;
 
-use crate::probe::{calibration, region};
+use crate::probe::{calibration, empty, region};
 
 fn refused(_: Error) -> core::fmt::Error {
     core::fmt::Error
 }
 
 pub fn run(out: &mut HostStream) -> core::fmt::Result {
-    region(&mut (), |()| Ok(())).map_err(refused)?;
-    writeln!(out, "row\tempty\t")?;
-    region(&mut (), calibration).map_err(refused)?;
-    writeln!(out, "row\tcalibration\t")?;
+    row(out, "empty\t", &mut (), empty)?;
+    row(out, "calibration\t", &mut (), calibration)?;
 
     rows::<1>(out)?;
     rows::<2>(out)?;
@@ -56,26 +54,43 @@ fn rows<const M: usize>(out: &mut HostStream) -> core::fmt::Result {
         filter.update_into(&rows, &mut report).map_err(refused)?;
     }
     let mut state = (filter, rows, report);
-    let xi = region(&mut state, |(filter, rows, report)| {
-        filter.update_into(rows, report)?;
-        Xi::of(report)
-    });
-    let _ = xi.map_err(refused)?;
-    writeln!(out, "row\trows {M}\tf32")
+    row(
+        out,
+        format_args!("rows {M}\tf32"),
+        &mut state,
+        |(filter, rows, report)| {
+            filter.update_into(rows, report)?;
+            Xi::of(report)
+        },
+    )
 }
 
 /// One second of 100 Hz samples with this covariance rate [1/s].
 fn second(out: &mut HostStream, rate: f32) -> core::fmt::Result {
-    let state = standing(rate).map_err(refused)?;
-    let mut state = state;
-    region(&mut state, |(filter, imu)| {
-        for _ in 0..100 {
-            filter.propagate(imu)?;
-        }
-        Ok(())
-    })
-    .map_err(refused)?;
-    writeln!(out, "row\trate {rate}\tf32")
+    let mut state = standing(rate).map_err(refused)?;
+    row(
+        out,
+        format_args!("rate {rate}\tf32"),
+        &mut state,
+        |(filter, imu)| {
+            for _ in 0..100 {
+                filter.propagate(imu)?;
+            }
+            Ok(())
+        },
+    )
+}
+
+/// Counts one piece of work. Work that is refused is no work.
+fn row<S, R>(
+    out: &mut HostStream,
+    name: impl Display,
+    state: &mut S,
+    work: fn(&mut S) -> Result<R, Error>,
+) -> core::fmt::Result {
+    let (result, second) = region(state, work);
+    writeln!(out, "row\t{name}\t{second}")?;
+    result.map(drop).map_err(refused)
 }
 
 /// A filter at rest whose covariance moves at this rate, and its samples.

@@ -3,20 +3,14 @@
 
 use core::fmt::Write;
 
-use cortex_m_semihosting::hio::HostStream;
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
-use navsight::alignment::standing::StandingAlignment;
 use navsight::attitude::Euler;
-use navsight::covariance::{Covariance15, Observation, Rows};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::{
-    block_rates, block_transition, BiasModel, Interval, NoiseDensity, Scaling,
-};
+use navsight::error_model::{block_rates, BiasModel, NoiseDensity};
 use navsight::filter::{Filter, Prior, Settings, UpdateReport};
 use navsight::imu::{ImuIncrement, ImuLimits};
-use navsight::linalg::Real;
 use navsight::measurement::{
     Antenna, Height, Linearized, Position, PositionVelocity, Velocity, ZeroVelocity,
 };
@@ -26,14 +20,10 @@ use navsight::observability::extreme::Extremes15;
 use navsight::observability::riccati::{DecreaseRate15, Information};
 use navsight::observability::spectrum::{self, Directions, Spectrum15, ValuesOnly};
 
-use crate::advice;
-use crate::aiding;
-use crate::alignment;
-use crate::probe::{calibration, region};
-use crate::ways;
+use crate::probe::{calibration, empty, region};
 
 /// Where the rows are printed.
-pub struct Table<'a>(&'a mut HostStream);
+pub struct Table<'a>(pub &'a mut dyn Write);
 
 impl Table<'_> {
     /// Counts one piece of work: a row of the table is one call of this. Work that is refused is no work.
@@ -44,8 +34,7 @@ impl Table<'_> {
         mut state: S,
         f: fn(&mut S) -> Result<R, Error>,
     ) -> core::fmt::Result {
-        let _ = region(&mut state, f).map_err(refused)?;
-        writeln!(self.0, "row\t{work}\t{scalar}")
+        self.slice(work, scalar, &mut state, f).map(drop)
     }
 
     /// Counts one slice of a longer work: of rows with one name the table shows the dearest.
@@ -56,14 +45,9 @@ impl Table<'_> {
         state: &mut S,
         f: fn(&mut S) -> Result<R, Error>,
     ) -> Result<R, core::fmt::Error> {
-        let result = region(state, f).map_err(refused)?;
-        writeln!(self.0, "row\t{work}\t{scalar}")?;
-        Ok(result)
-    }
-
-    /// Bytes that a state takes.
-    pub fn ram<S>(&mut self, name: &str) -> core::fmt::Result {
-        writeln!(self.0, "ram\t{name}\t{}", core::mem::size_of::<S>())
+        let (result, second) = region(state, f);
+        writeln!(self.0, "row\t{work}\t{scalar}\t{second}")?;
+        result.map_err(refused)
     }
 }
 
@@ -72,30 +56,15 @@ pub fn refused(_: Error) -> core::fmt::Error {
     core::fmt::Error
 }
 
-/// All rows, in the order of the table. The first two say what the markers cost and that the counting is right.
-pub fn run(out: &mut HostStream) -> core::fmt::Result {
-    let table = &mut Table(out);
-    table.row("empty", "", (), |_| Ok(()))?;
+/// The rows of a navigator, in the order of the table; the filter they were made with, and a next sample. The first two
+/// say what the markers cost and that the counting is right.
+pub fn usual(table: &mut Table) -> Result<(Filter, ImuIncrement), core::fmt::Error> {
+    table.row("empty", "", (), empty)?;
     table.row("calibration", "", (), calibration)?;
-
     let (filter, imu) = aligning(100).map_err(refused)?;
     navigator(table, &filter, imu)?;
     observability(table, &filter)?;
-    aiding::run(table, &filter, imu)?;
-    ways::run(table)?;
-    advice::run(table, &filter)?;
-    alignment::run(table, &filter, imu)?;
-    kernels::<f32>(table, "f32", &filter, imu)?;
-    kernels::<f64>(table, "f64", &filter, imu)?;
-
-    table.ram::<NavState>("NavState")?;
-    table.ram::<Covariance15<f32>>("Covariance15<f32>")?;
-    table.ram::<Covariance15<f64>>("Covariance15<f64>")?;
-    table.ram::<Filter>("Filter")?;
-    table.ram::<StandingAlignment>("StandingAlignment")?;
-    table.ram::<Extremes15<f32>>("Extremes15<f32>")?;
-    table.ram::<Spectrum15<f32, ValuesOnly>>("Spectrum15<f32, ValuesOnly>")?;
-    table.ram::<Spectrum15<f32, Directions<f32, 15>>>("Spectrum15<f32, Directions<f32, 15>>")
+    Ok((filter, imu))
 }
 
 /// What a program calls all the time.
@@ -315,77 +284,6 @@ fn observability(table: &mut Table, filter: &Filter) -> core::fmt::Result {
             eta.start_speed(rate, spectrum::Prior::Independent, u32::MAX)?;
             eta.step(u32::MAX)
         },
-    )
-}
-
-/// The covariance alone, without a navigator around it.
-fn kernels<T: Real>(
-    table: &mut Table,
-    scalar: &str,
-    filter: &Filter,
-    imu: ImuIncrement,
-) -> core::fmt::Result {
-    let wide = |x: f32| T::of(f64::from(x));
-    let mut nav = *filter.nav();
-    let mut interval = Interval::<T>::empty();
-    for _ in 0..10 {
-        let step = nav.advance(&imu).map_err(refused)?;
-        interval.add(
-            &step.c_b_n.map(wide),
-            &step.delta_v_n.map(wide),
-            wide(step.dt),
-        );
-    }
-    let p: SMatrix<T, 15, 15> = filter.covariance().to_matrix().map(wide);
-    let covariance = Covariance15::from_matrix(&p).map_err(refused)?;
-    let environment = navsight::error_model::Environment::<T>::wgs84(
-        nav.position().lat,
-        nav.position().height,
-        nav.v_n().map(wide),
-    );
-    let scaling = Scaling::new(
-        &filter.sigma0().map(wide),
-        &BiasModel::constant(),
-        &NoiseDensity::from_random_walks(T::of(1e-4), T::of(1e-6)),
-    )
-    .map_err(refused)?;
-    table.row(
-        "Φ and Q of an interval",
-        scalar,
-        (environment, interval, scaling),
-        |(environment, interval, scaling)| Ok(block_transition(environment, interval, scaling)),
-    )?;
-    let blocks = block_transition(&environment, &interval, &scaling);
-    table.row(
-        "covariance propagation, structured kernel",
-        scalar,
-        (covariance, blocks),
-        |(p, blocks)| {
-            p.propagate_blocks(blocks);
-            Ok(())
-        },
-    )?;
-    let dense: (SMatrix<T, 15, 15>, SVector<T, 15>) = (blocks.dense(), blocks.noise());
-    table.row(
-        "covariance propagation, general kernel",
-        scalar,
-        (covariance, dense),
-        |(p, (a, q))| {
-            p.propagate(a, q);
-            Ok(())
-        },
-    )?;
-    let rows = Rows::<T, 3, 15> {
-        nu: [T::of(1e-3); 3],
-        h: Observation::Direct { first: 3 },
-        r: [T::of(1e-2); 3],
-        gate: None,
-    };
-    table.row(
-        "three-row update, kernel",
-        scalar,
-        (covariance, rows),
-        |(p, rows)| p.update(rows),
     )
 }
 

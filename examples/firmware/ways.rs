@@ -100,11 +100,7 @@ pub fn run(table: &mut Table) -> core::fmt::Result {
             }
             Ok(())
         },
-    )?;
-    table.ram::<Pattern<N>>("Pattern<15>")?;
-    table.ram::<Staged<f32, N, 6>>("Staged<f32, 15, 6>")?;
-    table.ram::<EigenDegree<f32, N, 6>>("EigenDegree<f32, 15, 6>")?;
-    table.ram::<Gramian<f32, N>>("Gramian<f32, 15>")
+    )
 }
 
 /// What the zero pattern alone decides.

@@ -17,6 +17,7 @@ mod packages;
 mod pairs;
 mod panics;
 mod peers;
+mod places;
 mod qemu;
 mod report;
 mod shell;
@@ -54,16 +55,19 @@ enum Command {
         /// Print one JSON list and nothing else on standard output
         #[arg(long)]
         json: bool,
-        /// The growth tables of docs/performance.md too: rows 1 … 6, covariance rates 1 … 100 Hz, opt-level "z"
+        /// On other cores and at opt-level "z" too, and growth: rows 1 … 6, covariance rates 1 … 100 Hz
         #[arg(long)]
         all: bool,
+        /// Instead, where the instructions of one piece of work lie; of those on docs/performance.md, if none is named
+        #[arg(long, value_name = "WORK", num_args = 0..=1, default_missing_value = "", conflicts_with_all = ["json", "all", "accept"])]
+        histogram: Option<String>,
         /// Take what was measured as the new budgets
         #[arg(long)]
         accept: bool,
     },
     /// Count other filters beside ours on the same work, write their table into BENCHMARKS.md
     Peers,
-    /// Flash per room and RAM per state
+    /// Flash per group of functions and per room, at opt-level 3, "s" and "z"
     Size,
     /// Prove at link time that no panic path survives, at opt-level 3 and "s"
     PanicFree,
@@ -102,7 +106,13 @@ fn run(command: Command) -> Result<ExitCode> {
         Command::Test { full } => test::run(full),
         Command::Thumb => report::standalone(|report| builds::bare(report, &toolchain::ready()?)),
         Command::Qemu => report::standalone(|report| pairs::compare(report, &toolchain::ready()?)),
-        Command::Bench { json, all, accept } => bench::run(json, accept, all),
+        Command::Bench {
+            histogram: Some(work),
+            ..
+        } => bench::histogram(&work).map(|()| ExitCode::SUCCESS),
+        Command::Bench {
+            json, all, accept, ..
+        } => bench::run(json, accept, all),
         Command::Peers => peers::run(),
         Command::Size => size::run(),
         Command::PanicFree => {

@@ -15,6 +15,11 @@ pub const QEMU: Tool = Tool {
     program: "qemu-system-arm",
     package: "qemu-system-arm",
 };
+/// Runs programs of the host for their counts; only `cargo xtask bench --all` does that.
+pub const QEMU_USER: Tool = Tool {
+    program: "qemu-x86_64",
+    package: "qemu-user",
+};
 /// Lists the symbols of a firmware.
 pub const NM: Tool = Tool {
     program: "arm-none-eabi-nm",
@@ -26,7 +31,7 @@ pub const GCC: Tool = Tool {
     package: "gcc",
 };
 
-/// Everything that the commands use, beside the Rust toolchain.
+/// Everything that `cargo xtask test` uses, beside the Rust toolchain.
 pub const ALL: [Tool; 3] = [QEMU, NM, GCC];
 
 /// Makes sure that these programs are there.

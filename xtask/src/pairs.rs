@@ -34,25 +34,32 @@ fn is_paired(source: &str) -> bool {
 /// Builds and runs every pair.
 pub fn compare(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
     packages::ready(&[packages::QEMU])?;
-    for name in names()? {
+    let names = names()?;
+    report.check("examples: build on the host and as firmware", || {
+        on_the_host()?;
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        Build::plain("").build(&names, toolchain)
+    });
+    for name in names {
         report.check(
             &format!("example `{name}`: QEMU prints what the host prints"),
             || {
-                let host = shell::run(shell::command("cargo").args([
-                    "run",
-                    "--quiet",
-                    "--release",
-                    "--package",
-                    "navsight",
-                    "--example",
-                    &name,
-                ]))?;
-                let target = qemu::run(&Build::plain(&name).elf(toolchain)?, None)?;
+                let host = shell::run(&mut shell::command(
+                    shell::target_dir().join("debug/examples").join(&name),
+                ))?;
+                let target = qemu::run(&Build::plain(&name).elf(toolchain)?)?;
                 same(&host, &target)
             },
         );
     }
     Ok(())
+}
+
+/// Builds the examples as `cargo test` does, so that after it nothing is left to build.
+fn on_the_host() -> Result<()> {
+    let mut cargo = shell::command("cargo");
+    cargo.args(["build", "--quiet", "--profile", "test", "--workspace"]);
+    shell::run(cargo.args(["--exclude", "xtask", "--examples"])).map(drop)
 }
 
 fn same(host: &str, target: &str) -> Result<()> {

@@ -43,10 +43,8 @@ pub fn run() -> Result<ExitCode> {
     let elf = out.join(THUMBV7EM).join("release/bench-peers");
     let counts = out.join("counts.txt");
     let plugin = bench::plugin()?;
-    let printed = qemu::run(
-        &elf,
-        Some(&format!("{},out={}", plugin.display(), counts.display())),
-    )?;
+    let plugin = format!("{},out={}", plugin.display(), counts.display());
+    let printed = qemu::run_on(qemu::M4F, &elf, &["-plugin", &plugin])?;
     let peers = pair(&printed, &fs::read_to_string(counts)?)?;
     let text = format!(
         "rustc {}, opt-level 3, fat LTO, no CPU flag; Cortex-M4F, QEMU {}.\n\n{}",
@@ -56,6 +54,7 @@ pub fn run() -> Result<ExitCode> {
     );
     println!("{text}");
     bench::record("peers", &text)?;
+    bench::write_figures()?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -82,7 +81,7 @@ fn pair(printed: &str, counts: &str) -> Result<Vec<Peer>> {
                 bytes: bytes.parse()?,
                 counts: Vec::new(),
             }),
-            ["row", name, work, done] => {
+            ["row", name, work, done, ..] => {
                 let (instructions, stack) = next()?;
                 if done != "true" {
                     bail!("{name} refused: {work}");

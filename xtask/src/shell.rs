@@ -15,6 +15,14 @@ pub fn root() -> &'static Path {
         .expect("xtask lies in the workspace")
 }
 
+/// Where cargo puts what it builds for the host.
+pub fn target_dir() -> PathBuf {
+    match std::env::var_os("CARGO_TARGET_DIR") {
+        Some(dir) => root().join(dir),
+        None => root().join("target"),
+    }
+}
+
 /// A command of the project's own directory, without what an outer `cargo run` leaves in the environment: the inner
 /// cargo shall find the same flags and toolchain as from a shell.
 pub fn command(program: impl AsRef<std::ffi::OsStr>) -> Command {

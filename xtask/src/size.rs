@@ -1,73 +1,190 @@
-//! `cargo xtask size`: flash per room of the library in a firmware, and RAM per state.
+//! `cargo xtask size`: flash per group of functions and per room of the library, in two firmwares.
 //!
 //! Link-time optimisation melts functions together, so the bytes are attributed by the debug information: each pair of
 //! bytes belongs to the innermost source line of the library (`linalg` aside) that led to it, whatever function it ended up in.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
-use std::process::{ExitCode, Stdio};
+use std::process::ExitCode;
 
 use anyhow::{bail, Context, Result};
 
-use crate::bench::{grouped, is_recorded, record, Firmware, FIRMWARES};
+use crate::bench::{self, grouped, is_recorded, record, PLAIN, SMALL, SMALLEST};
 use crate::packages::{self, NM};
+use crate::places::{self, Frame};
 use crate::qemu::Build;
 use crate::report::Report;
 use crate::shell;
-use crate::toolchain::{self, target_dir, Toolchain};
+use crate::toolchain::{self, Toolchain};
 
-/// The program whose flash is looked at: a whole navigator that aligns itself and prints its ξ and η.
-const PROGRAM: &str = "two_position";
+/// The least that knows what it has learnt.
+const LEAST: &str = "minimal";
+/// A whole navigator that aligns itself and prints its ξ and η.
+const WHOLE: &str = "two_position";
+/// Opt-levels, by profile.
+const OPTS: [(&str, &str); 3] = [
+    (PLAIN.opt, PLAIN.profile),
+    (SMALL.opt, SMALL.profile),
+    (SMALLEST.opt, SMALLEST.profile),
+];
 
-/// Measures both tables, prints them and records them in BENCHMARKS.md.
+/// Bytes per name, at each opt-level.
+type Bytes = BTreeMap<String, [u64; OPTS.len()]>;
+
+/// Measures, prints and records in BENCHMARKS.md.
 pub fn run() -> Result<ExitCode> {
-    packages::ready(&[NM])?;
     let toolchain = toolchain::ready()?;
-    let plain: Vec<&Firmware> = FIRMWARES
-        .iter()
-        .filter(|build| build.cpu.is_empty())
-        .collect();
-    let mut flash: BTreeMap<String, Vec<u64>> = BTreeMap::new();
-    for (column, build) in plain.iter().enumerate() {
-        let program = Build {
-            profile: build.profile,
-            ..Build::plain(PROGRAM)
-        };
-        for (group, bytes) in attribute(&program.elf(&toolchain)?)? {
-            flash.entry(group).or_insert_with(|| vec![0; plain.len()])[column] += bytes;
+    let mut text = String::new();
+    for program in [LEAST, WHOLE] {
+        let (mut groups, mut files) = (Bytes::new(), Bytes::new());
+        for (column, (_, profile)) in OPTS.iter().enumerate() {
+            let build = Build {
+                profile,
+                ..Build::plain(program)
+            };
+            for (frames, bytes) in attribute(&build.elf(&toolchain)?)? {
+                let add =
+                    |to: &mut Bytes, name: String| to.entry(name).or_default()[column] += bytes;
+                add(&mut groups, group(&frames).to_owned());
+                add(&mut files, file(&frames));
+            }
         }
+        text += &format!(
+            "Flash of `examples/{program}.rs` [bytes]:\n\n{}\n\n",
+            by_group(program, groups)
+        );
+        text += &format!("The same by source:\n\n{}\n\n", by_file(files));
     }
-    let (mut rows, mut foreign): (Vec<_>, Vec<_>) = flash
+    let text = text.trim_end();
+    println!("{text}");
+    if is_recorded(&toolchain)? {
+        record("size", text)?;
+        bench::write_figures()?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Groups of functions, in the order of the table. A stack of inlined functions belongs to the first group that any of
+/// them is of: `[parts of the paths]`.
+const GROUPS: [(&str, &[&str]); 13] = [
+    // What a program calls once, wherever the arithmetic comes from.
+    (
+        "start-up",
+        &[
+            "NavState::new",
+            "Filter::new",
+            "Scaling::new",
+            "Settings::",
+            "Prior::",
+            "Geodetic::from_degrees",
+            "Euler::from",
+            "Euler::quaternion",
+            "BiasModel::",
+            "NoiseDensity::from",
+            "ZeroVelocity::new",
+            "::diagonal_of",
+            "StandingAlignment::new",
+        ],
+    ),
+    (
+        "correction",
+        &["NavState::correct", "nav::correct", "Filter::correct"],
+    ),
+    ("ξ", &["observability::diagonal"]),
+    ("η", &["observability::"]),
+    ("alignment", &["navsight::alignment::"]),
+    (
+        "mechanization",
+        &[
+            "navsight::mechanization",
+            "navsight::imu",
+            "NavState::",
+            "navsight::earth",
+            "navsight::nav",
+        ],
+    ),
+    (
+        "propagation",
+        &[
+            "covariance::structured",
+            "error_model::",
+            "Filter::synchronize",
+            "Filter::propagate",
+        ],
+    ),
+    (
+        "update",
+        &["covariance::", "navsight::measurement", "navsight::filter"],
+    ),
+    ("rest of the library", &["navsight::"]),
+    ("nalgebra", &["nalgebra::", "simba::"]),
+    ("libm", &["libm::"]),
+    ("formatting of core", &["core::fmt", "core::num::"]),
+    ("rest of core", &["core::", "compiler_builtins::"]),
+];
+/// Start-up of the core, semihosting and the program itself.
+const PROGRAM: &str = "program and runtime";
+
+fn group(frames: &[Frame]) -> &'static str {
+    let library: Vec<&Frame> = frames
+        .iter()
+        .filter(|frame| places::own(frame).is_some())
+        .collect();
+    // What the library calls, as libm, keeps its own group unless it was inlined.
+    let seen: Vec<&Frame> = if library.is_empty() {
+        frames.iter().take(1).collect()
+    } else {
+        library
+    };
+    let is_of = |parts: &[&str]| {
+        seen.iter()
+            .any(|frame| parts.iter().any(|part| frame.function.contains(part)))
+    };
+    GROUPS
+        .iter()
+        .find(|(_, parts)| is_of(parts))
+        .map_or(PROGRAM, |(name, _)| name)
+}
+
+fn by_group(program: &str, mut groups: Bytes) -> String {
+    let names = GROUPS.iter().map(|(name, _)| *name).chain([PROGRAM]);
+    let rows = names.filter_map(|name| groups.remove_entry(name));
+    let mut rows: Vec<_> = rows.collect();
+    let whole = sum(&rows);
+    rows.push((format!("**`{program}`**"), whole));
+    table("functions", rows)
+}
+
+fn by_file(files: Bytes) -> String {
+    let (mut rows, mut foreign): (Vec<_>, Vec<_>) = files
         .into_iter()
         .partition(|(name, _)| name.starts_with("src/"));
     foreign.sort_by_key(|(_, bytes)| std::cmp::Reverse(bytes[0]));
-    let sum = |rows: &[(String, Vec<u64>)]| -> Vec<u64> {
-        let column = |column: usize| rows.iter().map(|(_, bytes)| bytes[column]).sum();
-        (0..plain.len()).map(column).collect()
-    };
-    let library = sum(&rows);
-    rows.push(("**the library**".to_owned(), library));
+    rows.push(("**the library**".to_owned(), sum(&rows)));
     rows.append(&mut foreign);
+    table("source", rows)
+}
 
-    let mut text = format!("Flash of `examples/{PROGRAM}.rs` by source [bytes]:\n\n| source |");
-    for build in &plain {
-        text += &format!(" opt {} |", build.opt);
+fn sum(rows: &[(String, [u64; OPTS.len()])]) -> [u64; OPTS.len()] {
+    let mut sum = [0; OPTS.len()];
+    for (_, bytes) in rows {
+        for (sum, bytes) in sum.iter_mut().zip(bytes) {
+            *sum += bytes;
+        }
     }
-    text += &format!("\n|---|{}", "---|".repeat(plain.len()));
+    sum
+}
+
+fn table(what: &str, rows: Vec<(String, [u64; OPTS.len()])>) -> String {
+    let mut text = format!("| {what} |");
+    for (opt, _) in OPTS {
+        text += &format!(" opt {opt} |");
+    }
+    text += &format!("\n|---|{}", "---|".repeat(OPTS.len()));
     for (name, bytes) in rows {
-        let cells: Vec<String> = bytes.into_iter().map(grouped).collect();
-        text += &format!("\n| {name} | {} |", cells.join(" | "));
+        text += &format!("\n| {name} | {} |", bytes.map(grouped).join(" | "));
     }
-    text += "\n\nRAM of each state [bytes]:\n\n| state | bytes |\n|---|---|";
-    for (name, bytes) in plain[0].ram(&toolchain)? {
-        text += &format!("\n| `{name}` | {} |", grouped(bytes));
-    }
-    println!("{text}");
-    if is_recorded(&toolchain)? {
-        record("size", &text)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    text
 }
 
 /// Ways of looking that a navigator may do without, and a program that uses them.
@@ -85,17 +202,17 @@ const USER: &str = "why_no_heading";
 /// would be found.
 pub fn unused_is_absent(report: &mut Report, toolchain: &Toolchain) {
     let optional = |program: &'static str| -> Result<u64> {
-        let groups = attribute(&Build::plain(program).elf(toolchain)?)?;
-        let own = groups
+        let stacks = attribute(&Build::plain(program).elf(toolchain)?)?;
+        let own = stacks
             .iter()
-            .filter(|(name, _)| OPTIONAL.iter().any(|room| name.starts_with(room)));
+            .filter(|(frames, _)| OPTIONAL.iter().any(|room| file(frames).starts_with(room)));
         Ok(own.map(|(_, bytes)| bytes).sum())
     };
     report.check("flash: what is not used is not there", || {
         packages::ready(&[NM])?;
-        let (without, with) = (optional(PROGRAM)?, optional(USER)?);
+        let (without, with) = (optional(WHOLE)?, optional(USER)?);
         if without > 0 {
-            bail!("{PROGRAM} holds {without} bytes of ways of looking that it does not use");
+            bail!("{WHOLE} holds {without} bytes of ways of looking that it does not use");
         }
         if with < 1000 {
             bail!("{USER} uses them, and only {with} bytes were found");
@@ -104,30 +221,16 @@ pub fn unused_is_absent(report: &mut Report, toolchain: &Toolchain) {
     });
 }
 
-/// Bytes of code per source group.
-fn attribute(elf: &Path) -> Result<BTreeMap<String, u64>> {
+/// The code of a firmware, two bytes at a time, with the stack of inlined functions that they come from.
+fn attribute(elf: &Path) -> Result<Vec<(Vec<Frame>, u64)>> {
+    packages::ready(&[NM])?;
     let sections = shell::run(shell::command("arm-none-eabi-size").arg("-A").arg(elf))?;
     let (start, length) = sections
         .lines()
         .find_map(code)
         .context("the section .text")?;
-    let addresses = target_dir().join("addresses.txt");
-    let list: String = (start..start + length)
-        .step_by(2)
-        .map(|address| format!("{address:#x}\n"))
-        .collect();
-    fs::write(&addresses, list)?;
-    let mut addr2line = shell::command("arm-none-eabi-addr2line");
-    addr2line
-        .args(["-a", "-i", "-e"])
-        .arg(elf)
-        .stdin(Stdio::from(fs::File::open(&addresses)?));
-    let mut bytes = BTreeMap::new();
-    let answer = shell::run(&mut addr2line)?;
-    for frames in answer.split("0x").skip(1) {
-        *bytes.entry(group(frames.lines().skip(1))).or_default() += 2;
-    }
-    Ok(bytes)
+    let stacks = places::of(elf, (start..start + length).step_by(2))?;
+    Ok(stacks.into_iter().map(|(_, frames)| (frames, 2)).collect())
 }
 
 /// Start and length of the code, from a line of `size -A`.
@@ -138,59 +241,107 @@ fn code(line: &str) -> Option<(u64, u64)> {
     Some((fields.next()?.parse().ok()?, length))
 }
 
-/// Source file of the library, or package, that a stack of inlined lines belongs to; the innermost stands first.
-fn group<'a>(frames: impl Iterator<Item = &'a str>) -> String {
+/// Source file of the library or of the program, or package, that a stack of inlined functions belongs to.
+fn file(frames: &[Frame]) -> String {
+    if let Some(file) = places::owner(frames).and_then(places::own) {
+        return file.to_owned();
+    }
     let root = format!("{}/", shell::root().display());
-    let frames: Vec<&str> = frames.collect();
-    let own = || {
-        frames.iter().filter_map(|frame| {
-            let inside = frame.strip_prefix(&root).unwrap_or(frame);
-            inside.starts_with("src/").then_some(inside)
-        })
-    };
-    // Scalars and two-word sums are everybody's: the bytes belong to who adds.
-    let user = own().find(|frame| !frame.starts_with("src/linalg/"));
-    let example = || frames.iter().find_map(|frame| frame.strip_prefix(&root));
-    if let Some(file) = user.or_else(|| own().next()).or_else(example) {
-        return file.split(':').next().unwrap_or(file).to_owned();
+    let program = frames
+        .iter()
+        .find_map(|frame| frame.place.strip_prefix(&root));
+    if let Some(place) = program {
+        return place.split(':').next().unwrap_or(place).to_owned();
     }
-    let innermost = frames.first().copied().unwrap_or_default();
-    if let Some((_, path)) = innermost.split_once("/library/") {
-        return path.split('/').next().unwrap_or(path).to_owned();
-    }
-    // A package lies in a directory `name-version` of the registry.
-    let package = innermost.split('/').find(|part| {
-        part.rsplit_once('-')
-            .is_some_and(|(_, version)| version.starts_with(|c: char| c.is_ascii_digit()))
-            && part.contains('.')
-            && !part.contains("index")
-    });
-    match package.and_then(|part| part.rsplit_once('-')) {
-        Some((name, _)) => name.to_owned(),
-        None => "assembly and unknown".to_owned(),
-    }
+    let innermost = frames.first().map_or("", |frame| frame.place.as_str());
+    places::package(innermost)
+        .unwrap_or("assembly and unknown")
+        .to_owned()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn stack(frames: &[(&str, &str)]) -> Vec<Frame> {
+        let frame = |&(function, place): &(&str, &str)| Frame {
+            function: function.to_owned(),
+            place: place.replace('~', &shell::root().display().to_string()),
+        };
+        frames.iter().map(frame).collect()
+    }
+
     #[test]
-    fn inlined_code_belongs_to_the_line_of_the_library_that_led_to_it() {
-        let root = shell::root().display();
-        let frames = format!("/usr/lib/rustlib/src/rust/library/core/src/ops/arith.rs:9\n{root}/src/nav.rs:70\n{root}/examples/bench.rs:1");
-        assert_eq!(group(frames.lines()), "src/nav.rs");
-        let frames = format!("{root}/src/linalg/two.rs:9\n{root}/src/covariance/structured.rs:70");
-        assert_eq!(group(frames.lines()), "src/covariance/structured.rs");
-        assert_eq!(
-            group("/usr/lib/rustlib/src/rust/library/core/src/fmt/num.rs:9".lines()),
-            "core"
+    fn code_belongs_to_a_group_and_a_file() {
+        let sub = (
+            "<f32 as core::ops::arith::Sub>::sub",
+            "/x/library/core/src/ops/arith.rs:216",
         );
+        let main = ("minimal::run", "~/examples/minimal.rs:19");
+        let start = stack(&[
+            sub,
+            ("navsight::attitude::product", "~/src/attitude.rs:110"),
+            ("navsight::nav::NavState::new", "~/src/nav.rs:60"),
+            main,
+        ]);
         assert_eq!(
-            group("/home/a/registry/src/x/libm-0.2.16/src/math/sinf.rs:3".lines()),
-            "libm"
+            (group(&start), file(&start).as_str()),
+            ("start-up", "src/attitude.rs")
         );
-        assert_eq!(group("??:0".lines()), "assembly and unknown");
+        let sweep = stack(&[
+            ("navsight::linalg::two::add", "~/src/linalg/two.rs:9"),
+            (
+                "navsight::covariance::structured::rows",
+                "~/src/covariance/structured.rs:70",
+            ),
+            (
+                "navsight::filter::Filter::synchronize",
+                "~/src/filter/mod.rs:7",
+            ),
+        ]);
+        assert_eq!(
+            (group(&sweep), file(&sweep).as_str()),
+            ("propagation", "src/covariance/structured.rs")
+        );
+        let sine = stack(&[
+            (
+                "libm::math::k_sinf::k_sinf",
+                "/r/registry/src/libm-0.2.16/src/k.rs:2",
+            ),
+            main,
+        ]);
+        assert_eq!(group(&sine), "libm");
+        assert_eq!(group(&stack(&[sub])), "rest of core");
+        let printed = stack(&[main]);
+        assert_eq!(
+            (group(&printed), file(&printed).as_str()),
+            (PROGRAM, "examples/minimal.rs")
+        );
+        let unknown = stack(&[("Reset", "??:?")]);
+        assert_eq!(
+            (group(&unknown), file(&unknown).as_str()),
+            (PROGRAM, "assembly and unknown")
+        );
+    }
+
+    #[test]
+    fn the_whole_of_a_table_is_its_sum() {
+        let groups = [("libm", [1, 2, 3]), ("ξ", [1000, 0, 1])]
+            .map(|(name, bytes)| (name.to_owned(), bytes));
+        let text = by_group("minimal", groups.into());
+        let lines: Vec<&str> = text.lines().skip(2).collect();
+        assert_eq!(
+            lines,
+            [
+                "| ξ | 1,000 | 0 | 1 |",
+                "| libm | 1 | 2 | 3 |",
+                "| **`minimal`** | 1,001 | 2 | 4 |"
+            ]
+        );
+    }
+
+    #[test]
+    fn the_section_of_code_is_found() {
         assert_eq!(
             code(".text              104076        1024"),
             Some((1024, 104_076))

@@ -5,36 +5,42 @@ use std::fs;
 
 use anyhow::{Context, Result};
 
-use super::measure::{Firmware, Row};
+use super::measure;
+use super::measure::{Firmware, Row, PLAIN, SMALL, SMALLEST};
 use super::table::{grouped, record_in};
-use super::{measure, qemu};
-use crate::shell;
 use crate::toolchain::Toolchain;
+use crate::{qemu, shell};
 
-/// Opt-levels that the growth is shown for.
-const BUILDS: [Firmware; 3] = [
-    measure::PLAIN,
+const GROWTH: &str = "growth";
+
+/// Opt-levels that the growth is shown for, and the same bytes on a core with another pipeline.
+const BUILDS: [Firmware; 4] = [
     Firmware {
-        profile: "firmware-s",
-        opt: "s",
-        cpu: "",
+        example: GROWTH,
+        ..PLAIN
     },
     Firmware {
-        profile: "firmware-z",
-        opt: "z",
-        cpu: "",
+        example: GROWTH,
+        ..SMALL
+    },
+    Firmware {
+        example: GROWTH,
+        ..SMALLEST
+    },
+    Firmware {
+        machine: qemu::M7,
+        example: GROWTH,
+        ..PLAIN
     },
 ];
 
-pub fn run(toolchain: &Toolchain) -> Result<()> {
+/// Counts, records, and prints unless the counts are wanted in another form.
+pub fn run(toolchain: &Toolchain, quiet: bool) -> Result<()> {
     let plugin = measure::plugin()?;
     let mut columns = Vec::new();
     for build in &BUILDS {
-        columns.push(build.rows_of("growth", qemu::MACHINE, toolchain, &plugin)?);
+        columns.push(build.count(toolchain, &plugin)?.rows);
     }
-    // the same bytes on the same core with another pipeline
-    let m7 = BUILDS[0].rows_of("growth", "mps2-an500", toolchain, &plugin)?;
-    columns.push(m7);
 
     let mut text = format!(
         "rustc {}; instructions on the Cortex-M4F by opt-level, and of the first build on a Cortex-M7.\n\n\
@@ -50,7 +56,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         }
         text.push('\n');
     }
-    println!("{text}");
+    if !quiet {
+        println!("{text}");
+    }
     let points = |prefix: &str| -> Vec<(f64, f64)> {
         first.iter().filter_map(|row| point(row, prefix)).collect()
     };

@@ -3,16 +3,20 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{bail, Context, Result};
+use anyhow::{anyhow, bail, Context, Result};
 use serde::Serialize;
 
-use crate::packages::{self, GCC, QEMU};
-use crate::qemu::{self, Build};
+use super::cross;
+use crate::packages::{self, GCC, QEMU, QEMU_USER};
+use crate::qemu::{self, Build, Machine};
 use crate::shell;
 use crate::toolchain::{target_dir, Toolchain};
 
-/// One build of the bench firmware.
+/// One build of a firmware that counts.
+#[derive(Clone, Copy)]
 pub struct Firmware {
+    pub machine: Machine,
+    pub example: &'static str,
     pub profile: &'static str,
     pub opt: &'static str,
     /// Value of `-C target-cpu`, or empty.
@@ -21,28 +25,38 @@ pub struct Firmware {
 
 /// What a user gets who sets nothing.
 pub const PLAIN: Firmware = Firmware {
+    machine: qemu::M4F,
+    example: "bench",
     profile: "firmware",
     opt: "3",
     cpu: "",
 };
 
-/// Every build that is measured.
+/// The same for users who choose size.
+pub const SMALL: Firmware = Firmware {
+    profile: "firmware-s",
+    opt: "s",
+    ..PLAIN
+};
+
+/// And as small as can be.
+pub const SMALLEST: Firmware = Firmware {
+    profile: "firmware-z",
+    opt: "z",
+    ..PLAIN
+};
+
+/// Every build that has budgets.
 pub const FIRMWARES: [Firmware; 4] = [
     PLAIN,
     Firmware {
-        profile: "firmware",
-        opt: "3",
         cpu: "cortex-m4",
+        ..PLAIN
     },
+    SMALL,
     Firmware {
-        profile: "firmware-s",
-        opt: "s",
-        cpu: "",
-    },
-    Firmware {
-        profile: "firmware-s",
-        opt: "s",
         cpu: "cortex-m4",
+        ..SMALL
     },
 ];
 
@@ -58,68 +72,98 @@ pub struct Row {
     pub stack_bytes: u64,
 }
 
-/// The core of the emulated machine.
-pub const CORE: &str = "Cortex-M4F";
+/// What one run of a firmware says.
+pub struct Counted {
+    pub rows: Vec<Row>,
+    /// Every marked piece of work, in order.
+    pub regions: Vec<Region>,
+    /// Name and bytes of the states.
+    pub states: Vec<(String, u64)>,
+}
+
+/// One marked piece of work: what the plugin counted, and what the firmware itself saw.
+pub struct Region {
+    pub work: String,
+    pub scalar: String,
+    pub instructions: u64,
+    pub stack_bytes: u64,
+    /// How far down the painted stack was written [bytes].
+    pub painted: u64,
+}
 
 impl Firmware {
     /// Builds and runs it with the counting plugin.
-    pub fn rows(&self, toolchain: &Toolchain, plugin: &Path) -> Result<Vec<Row>> {
-        self.rows_of("bench", qemu::MACHINE, toolchain, plugin)
+    pub fn count(&self, toolchain: &Toolchain, plugin: &Path) -> Result<Counted> {
+        let elf = self.elf(toolchain)?;
+        let name = format!(
+            "counts-{}-{}-{}{}.txt",
+            self.example, self.machine.name, self.profile, self.cpu
+        );
+        let counts = target_dir().join(name);
+        let plugin = format!("{},out={}", plugin.display(), counts.display());
+        let printed = qemu::run_on(self.machine, &elf, &["-plugin", &plugin])?;
+        let counted = self.pair(&printed, &fs::read_to_string(counts)?)?;
+        cross::painted(&counted.regions)?;
+        Ok(counted)
     }
 
-    /// The same of another example and another machine.
-    pub fn rows_of(
-        &self,
-        example: &str,
-        machine: &str,
-        toolchain: &Toolchain,
-        plugin: &Path,
-    ) -> Result<Vec<Row>> {
-        let elf = self.elf(example, toolchain)?;
-        let counts =
-            target_dir().join(format!("counts-{example}-{}{}.txt", self.profile, self.cpu));
-        let printed = qemu::run_on(
-            machine,
-            &elf,
-            Some(&format!("{},out={}", plugin.display(), counts.display())),
-        )?;
-        self.pair(&printed, &fs::read_to_string(counts)?)
-    }
-
-    /// Name and bytes of the states, as the firmware prints them.
-    pub fn ram(&self, toolchain: &Toolchain) -> Result<Vec<(String, u64)>> {
-        let printed = qemu::run(&self.elf("bench", toolchain)?, None)?;
-        let mut states = Vec::new();
-        for line in printed
-            .lines()
-            .filter_map(|line| line.strip_prefix("ram\t"))
-        {
-            let (name, bytes) = line.split_once('\t').context("a line `ram`")?;
-            states.push((name.to_owned(), bytes.parse()?));
+    /// Counts it on the host, where there is a plugin but neither timer nor paint; nothing on other hosts than x86-64.
+    pub fn count_on_pc(&self, toolchain: &Toolchain, plugin: &Path) -> Result<Vec<Row>> {
+        if !cfg!(target_arch = "x86_64") {
+            eprintln!("no counts on the host: it is no x86-64");
+            return Ok(Vec::new());
         }
-        Ok(states)
+        packages::ready(&[QEMU_USER])?;
+        let out = target_dir().join("host");
+        let mut cargo = toolchain.cargo("build");
+        cargo.env("CARGO_TARGET_DIR", &out).args([
+            "--package",
+            "navsight",
+            "--example",
+            self.example,
+            "--profile",
+            self.profile,
+        ]);
+        shell::run(&mut cargo)?;
+        let program = out.join(self.profile).join("examples").join(self.example);
+        let counts = target_dir().join("counts-host.txt");
+        let plugin = format!("{},out={}", plugin.display(), counts.display());
+        // The processor that everybody has: a copy of memory takes the same way on every machine.
+        let mut qemu = shell::command(QEMU_USER.program);
+        qemu.args(["-cpu", "qemu64", "-plugin", &plugin])
+            .arg(program);
+        let printed = shell::run(&mut qemu)?;
+        Ok(self.pair(&printed, &fs::read_to_string(counts)?)?.rows)
+    }
+
+    /// Runs it with the timer counting instructions, without the plugin.
+    pub fn timed(&self, toolchain: &Toolchain) -> Result<Vec<u64>> {
+        let printed = qemu::run_on(self.machine, &self.elf(toolchain)?, &cross::ICOUNT)?;
+        let lines = printed.lines().filter_map(Line::read);
+        lines.map(|line| Ok(line?.ticks)).collect()
     }
 
     /// Builds it.
-    pub fn elf(&self, example: &str, toolchain: &Toolchain) -> Result<PathBuf> {
+    pub fn elf(&self, toolchain: &Toolchain) -> Result<PathBuf> {
         packages::ready(&[QEMU])?;
         Build {
+            machine: self.machine,
             profile: self.profile,
             cpu: self.cpu,
-            ..Build::plain(example)
+            ..Build::plain(self.example)
         }
         .elf(toolchain)
     }
 
     /// Joins the names that the firmware printed with the regions that the plugin counted, both in order.
-    fn pair(&self, printed: &str, counts: &str) -> Result<Vec<Row>> {
-        let names: Vec<&str> = printed
+    fn pair(&self, printed: &str, counts: &str) -> Result<Counted> {
+        let lines: Vec<Line> = printed
             .lines()
-            .filter_map(|line| line.strip_prefix("row\t"))
-            .collect();
+            .filter_map(Line::read)
+            .collect::<Result<_>>()?;
         let counts: Vec<(u64, u64)> = counts.lines().map(count).collect::<Result<_>>()?;
-        if names.len() != counts.len() {
-            bail!("{} rows printed, {} counted", names.len(), counts.len());
+        if lines.len() != counts.len() {
+            bail!("{} rows printed, {} counted", lines.len(), counts.len());
         }
         let [empty, calibration, ..] = counts[..] else {
             bail!("no calibration in {printed}");
@@ -127,34 +171,83 @@ impl Firmware {
         if calibration != (empty.0 + 103, empty.1 + 64) {
             bail!("103 instructions and 64 bytes were counted as {calibration:?} less {empty:?}");
         }
+        let regions = lines.iter().zip(&counts).map(|(line, counts)| Region {
+            work: line.work.to_owned(),
+            scalar: line.scalar.to_owned(),
+            instructions: counts.0.saturating_sub(empty.0),
+            stack_bytes: counts.1,
+            painted: line.painted,
+        });
+        let regions: Vec<Region> = regions.collect();
         let mut rows: Vec<Row> = Vec::new();
-        for (name, (instructions, stack_bytes)) in names.iter().zip(&counts).skip(2) {
-            let (work, scalar) = name.split_once('\t').context("a line `row`")?;
+        for region in regions.iter().skip(2) {
             if let Some(slice) = rows
                 .iter_mut()
-                .find(|row| row.work == work && row.scalar == scalar)
+                .find(|row| row.work == region.work && row.scalar == region.scalar)
             {
                 // slices of one work: the dearest counts
-                slice.instructions = slice.instructions.max(instructions - empty.0);
-                slice.stack_bytes = slice.stack_bytes.max(*stack_bytes);
+                slice.instructions = slice.instructions.max(region.instructions);
+                slice.stack_bytes = slice.stack_bytes.max(region.stack_bytes);
                 continue;
             }
             rows.push(Row {
-                work: work.to_owned(),
-                core: CORE,
+                work: region.work.clone(),
+                core: self.machine.core,
                 opt: self.opt,
                 cpu_flag: if self.cpu.is_empty() {
                     String::new()
                 } else {
                     format!("-C target-cpu={}", self.cpu)
                 },
-                scalar: scalar.to_owned(),
-                instructions: instructions - empty.0,
-                stack_bytes: *stack_bytes,
+                scalar: region.scalar.clone(),
+                instructions: region.instructions,
+                stack_bytes: region.stack_bytes,
             });
         }
-        Ok(rows)
+        Ok(Counted {
+            rows,
+            regions,
+            states: states(printed)?,
+        })
     }
+}
+
+/// A line `row` of a firmware.
+struct Line<'a> {
+    work: &'a str,
+    scalar: &'a str,
+    /// How far SysTick went on, modulo 2²⁴.
+    ticks: u64,
+    painted: u64,
+}
+
+impl<'a> Line<'a> {
+    fn read(line: &'a str) -> Option<Result<Self>> {
+        let fields: Vec<&str> = line.strip_prefix("row\t")?.split('\t').collect();
+        let [work, scalar, ticks, painted] = fields[..] else {
+            return Some(Err(anyhow!("the line `{line}`")));
+        };
+        let numbers = || Ok((ticks.parse()?, painted.parse()?));
+        Some(numbers().map(|(ticks, painted)| Self {
+            work,
+            scalar,
+            ticks,
+            painted,
+        }))
+    }
+}
+
+/// Name and bytes of the states, as the firmware prints them.
+fn states(printed: &str) -> Result<Vec<(String, u64)>> {
+    let mut states = Vec::new();
+    for line in printed
+        .lines()
+        .filter_map(|line| line.strip_prefix("ram\t"))
+    {
+        let (name, bytes) = line.split_once('\t').context("a line `ram`")?;
+        states.push((name.to_owned(), bytes.parse()?));
+    }
+    Ok(states)
 }
 
 /// `<instructions> <stack bytes>`, as the plugin writes a region.
@@ -199,11 +292,15 @@ fn api(version: &str) -> u32 {
 mod tests {
     use super::*;
 
-    const PRINTED: &str = "row\tempty\t\nrow\tcalibration\t\nrow\tstep\tf32\nram\tFilter\t100\n";
+    const PRINTED: &str =
+        "row\tempty\t\t0\t4\nrow\tcalibration\t\t0\t64\nrow\tstep\tf32\t7\t320\nram\tFilter\t100\n";
 
     #[test]
     fn names_and_counts_are_joined_and_the_frame_is_taken_off() {
-        let rows = PLAIN.pair(PRINTED, "5 0\n108 64\n1005 320\n").unwrap();
+        let counted = PLAIN.pair(PRINTED, "5 0\n108 64\n1005 320\n").unwrap();
+        assert_eq!(counted.states, [("Filter".to_owned(), 100)]);
+        assert_eq!(counted.regions[2].painted, 320);
+        let rows = counted.rows;
         assert_eq!(rows.len(), 1);
         assert_eq!(
             (
@@ -217,10 +314,11 @@ mod tests {
 
     #[test]
     fn of_the_slices_of_one_work_the_dearest_is_shown() {
-        let printed = format!("{PRINTED}row\tstep\tf32\nrow\tstep\tf64\n");
+        let printed = format!("{PRINTED}row\tstep\tf32\t0\t64\nrow\tstep\tf64\t0\t4\n");
         let rows = PLAIN
             .pair(&printed, "5 0\n108 64\n1005 320\n2005 64\n7 0\n")
-            .unwrap();
+            .unwrap()
+            .rows;
         let counts: Vec<_> = rows
             .iter()
             .map(|r| (r.instructions, r.stack_bytes))
@@ -233,6 +331,8 @@ mod tests {
         assert!(PLAIN.pair(PRINTED, "5 0\n107 64\n1005 320\n").is_err());
         assert!(PLAIN.pair(PRINTED, "5 0\n108 60\n1005 320\n").is_err());
         assert!(PLAIN.pair(PRINTED, "5 0\n108 64\n").is_err());
+        let unseen = PRINTED.replace("\t7\t320", "");
+        assert!(PLAIN.pair(&unseen, "5 0\n108 64\n1005 320\n").is_err());
     }
 
     #[test]

@@ -1,8 +1,12 @@
 //! `cargo xtask bench`: exact instruction counts and stack depth on the Cortex-M4F, recorded in BENCHMARKS.md and held
-//! by budgets.
+//! by budgets; with `--all` on other cores and against rows and rates, too.
 
 mod budgets;
+mod cores;
+mod cross;
+mod figures;
 mod growth;
+mod histogram;
 mod measure;
 mod table;
 
@@ -10,34 +14,52 @@ use std::process::ExitCode;
 
 use anyhow::{anyhow, bail, Result};
 
-use measure::Row;
-pub use measure::{count, plugin, Firmware, FIRMWARES};
+pub use figures::write as write_figures;
+pub use histogram::run as histogram;
+pub use measure::{count, plugin, PLAIN, SMALL, SMALLEST};
+use measure::{Counted, Row};
 pub use table::{grouped, record};
 
-use crate::qemu;
 use crate::report::Report;
 use crate::toolchain::{self, Toolchain};
 
+/// What has budgets.
+pub struct Measured {
+    pub rows: Vec<Row>,
+    /// Name and bytes of the states.
+    pub states: Vec<(String, u64)>,
+}
+
 /// Measures everything, writes BENCHMARKS.md, compares with the budgets or replaces them.
-pub fn run(json: bool, accept: bool, growing: bool) -> Result<ExitCode> {
+pub fn run(json: bool, accept: bool, everything: bool) -> Result<ExitCode> {
     let toolchain = toolchain::ready()?;
-    if growing {
-        growth::run(&toolchain)?;
-    }
-    let rows = all(&toolchain)?;
-    if json {
-        println!("{}", serde_json::to_string_pretty(&rows)?);
-    } else {
-        println!("{}", table::text(&rows));
+    let measured = all(&toolchain)?;
+    if !json {
+        let (rows, states) = (table::text(&measured.rows), table::ram(&measured.states));
+        println!("{rows}\n\n{states}");
     }
     if accept {
-        budgets::write(&toolchain, &rows)?;
+        budgets::write(&toolchain, &measured)?;
     }
     // Another compiler's numbers are only printed.
-    if is_recorded(&toolchain)? {
-        table::write(&toolchain, &rows)?;
+    let recorded = is_recorded(&toolchain)?;
+    if recorded {
+        table::write(&toolchain, &measured)?;
+        figures::write()?;
     }
-    Ok(match exceeded(&toolchain, &rows) {
+    let mut listed = measured.rows.clone();
+    if everything {
+        let others = cores::rows(&toolchain)?;
+        if recorded {
+            cores::write(&toolchain, &measured.rows, &others)?;
+        }
+        listed.extend(others);
+        growth::run(&toolchain, json)?;
+    }
+    if json {
+        println!("{}", serde_json::to_string_pretty(&listed)?);
+    }
+    Ok(match exceeded(&toolchain, &measured) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error:#}");
@@ -51,32 +73,42 @@ pub fn is_recorded(toolchain: &Toolchain) -> Result<bool> {
     Ok(budgets::read()?.compiler == toolchain.release)
 }
 
-/// The budgets as a check of `cargo xtask test`.
+/// The budgets as a check of `cargo xtask test`, and the ways of counting against each other.
 pub fn check(report: &mut Report, toolchain: &Toolchain) {
-    report.check("instruction and stack budgets", || {
-        exceeded(toolchain, &all(toolchain)?)
-    });
+    report.check(
+        "instruction, stack and RAM budgets; plugin, timer and paint agree",
+        || exceeded(toolchain, &all(toolchain)?),
+    );
 }
 
-/// Rows of every build, two builds at a time: each is one long run of the linker's optimiser.
-fn all(toolchain: &Toolchain) -> Result<Vec<Row>> {
+/// Every build, two builds at a time: each is one long run of the linker's optimiser.
+fn all(toolchain: &Toolchain) -> Result<Measured> {
     let plugin = measure::plugin()?;
-    let measure = |builds: &[Firmware]| -> Result<Vec<Row>> {
-        let rows = builds.iter().map(|build| build.rows(toolchain, &plugin));
-        Ok(rows.collect::<Result<Vec<_>>>()?.concat())
+    let measure = |builds: &[measure::Firmware]| -> Result<Vec<Counted>> {
+        let counted = builds.iter().map(|build| build.count(toolchain, &plugin));
+        counted.collect()
     };
-    let (first, second) = FIRMWARES.split_at(FIRMWARES.len() / 2);
+    let (first, second) = measure::FIRMWARES.split_at(measure::FIRMWARES.len() / 2);
     let (first, second) = std::thread::scope(|scope| {
         let first = scope.spawn(|| measure(first));
         let second = measure(second);
         (first.join(), second)
     });
-    let mut rows = first.map_err(|_| anyhow!("a measuring thread ended early"))??;
-    rows.extend(second?);
-    Ok(rows)
+    let mut counted = first.map_err(|_| anyhow!("a measuring thread ended early"))??;
+    counted.extend(second?);
+    let mut measured = Measured {
+        rows: Vec::new(),
+        states: Vec::new(),
+    };
+    if let Some(plain) = counted.first_mut() {
+        cross::timed(toolchain, &plain.regions)?;
+        measured.states = std::mem::take(&mut plain.states);
+    }
+    measured.rows = counted.into_iter().flat_map(|build| build.rows).collect();
+    Ok(measured)
 }
 
-fn exceeded(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
+fn exceeded(toolchain: &Toolchain, measured: &Measured) -> Result<()> {
     let budgets = budgets::read()?;
     if budgets.compiler != toolchain.release {
         eprintln!(
@@ -85,7 +117,7 @@ fn exceeded(toolchain: &Toolchain, rows: &[Row]) -> Result<()> {
         );
         return Ok(());
     }
-    let wrong = budgets.compare(rows);
+    let wrong = budgets.compare(measured);
     if !wrong.is_empty() {
         bail!(
             "{}\nIf this is meant: `cargo xtask bench --accept`, and say why in the commit",
