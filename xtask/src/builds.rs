@@ -7,33 +7,38 @@ use crate::shell;
 use crate::toolchain::{Toolchain, TARGETS, THUMBV7EM};
 
 /// Library builds for every bare target, clippy there, documentation.
+///
+/// A feature adds types and no kernel, and nothing in the library asks which target it is built for: code is generated with
+/// all features and types are checked with none, for every target; each feature alone is checked for one. Several targets in
+/// one call of cargo share the cores, where a call for each would wait for one crate at a time.
 pub fn bare(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
     let features = features()?;
     let all = features.join(",");
-    for target in TARGETS {
-        let alone = features.iter().map(String::as_str);
-        for features in std::iter::once("").chain(alone).chain([all.as_str()]) {
-            let shown = if features.is_empty() {
-                "no feature"
-            } else {
-                features
-            };
-            report.check(&format!("library for {target}, {shown}"), || {
-                // A feature adds types and no kernel: code is generated with all of them, the others are checked.
-                let mut cargo = toolchain.cargo(if features == all { "build" } else { "check" });
-                cargo.args([
-                    "--quiet",
-                    "--package",
-                    "navsight",
-                    "--lib",
-                    "--target",
-                    target,
-                    "--features",
-                    features,
-                ]);
-                shell::run(&mut cargo).map(drop)
-            });
-        }
+    let mut library = |name: String, subcommand: &str, features: &str, targets: &[&str]| {
+        report.check(&name, || {
+            let mut cargo = toolchain.cargo(subcommand);
+            cargo.args(["--quiet", "--package", "navsight", "--lib"]);
+            cargo.args(["--features", features]);
+            cargo.args(targets.iter().flat_map(|target| ["--target", target]));
+            shell::run(&mut cargo).map(drop)
+        });
+    };
+    let four = TARGETS.join(", ");
+    library(
+        format!("library for {four}, all features"),
+        "build",
+        &all,
+        &TARGETS,
+    );
+    library(
+        format!("library for {four}, no feature"),
+        "check",
+        "",
+        &TARGETS,
+    );
+    for alone in &features {
+        let name = format!("library for {THUMBV7EM}, {alone} alone");
+        library(name, "check", alone, &[THUMBV7EM]);
     }
     report.check(&format!("clippy for {THUMBV7EM}"), || {
         let mut cargo = toolchain.cargo("clippy");
@@ -100,17 +105,17 @@ pub fn host(report: &mut Report) {
     report.check("format", || {
         shell::run(shell::command("cargo").args(["fmt", "--all", "--check"])).map(drop)
     });
-    for features in [&[][..], &["--all-features"]] {
-        let shown = if features.is_empty() {
-            "no feature"
-        } else {
-            "all features"
-        };
+    // Only the library has features: with none it is the whole difference.
+    let whole = ["--workspace", "--all-features"];
+    for (shown, what) in [
+        ("all features", &whole[..]),
+        ("no feature", &["--package", "navsight"]),
+    ] {
         report.check(&format!("clippy on the host, {shown}"), || {
             let mut cargo = shell::command("cargo");
             cargo
-                .args(["clippy", "--quiet", "--workspace", "--all-targets"])
-                .args(features);
+                .args(["clippy", "--quiet", "--all-targets"])
+                .args(what);
             shell::run(cargo.args(["--", "-D", "warnings"])).map(drop)
         });
     }

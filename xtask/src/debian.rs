@@ -77,11 +77,11 @@ pub fn build(targets: &[&str]) -> Result<()> {
     symlink(&rustlib.join("src"), &prefix.join("lib/rustlib/src"))?;
     install_linker(host, &private.join("bin/rust-lld"))?;
     install_programs(&prefix)?;
-    for target in targets {
-        if !toolchain::has_core(&prefix, target) {
-            build_core(&prefix, target)?;
-        }
-    }
+    let lacking = |target: &&&str| !toolchain::has_core(&prefix, target);
+    build_core(
+        &prefix,
+        &targets.iter().filter(lacking).copied().collect::<Vec<_>>(),
+    )?;
     fs::write(prefix.join("version"), version)?;
     shell::run(
         shell::command("rustup")
@@ -153,8 +153,12 @@ fn install_programs(prefix: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Builds `core` and `alloc` for one target and moves them into the sysroot in one step.
-fn build_core(prefix: &Path, target: &str) -> Result<()> {
+/// Builds `core` and `alloc` for all targets at once, since `core` is one long unit, and moves each into the sysroot in
+/// one step.
+fn build_core(prefix: &Path, targets: &[&str]) -> Result<()> {
+    if targets.is_empty() {
+        return Ok(());
+    }
     let start = Instant::now();
     let seed = prefix.join("seed");
     if seed.exists() {
@@ -167,6 +171,7 @@ fn build_core(prefix: &Path, target: &str) -> Result<()> {
         "[package]\nname = \"sysroot-seed\"\nversion = \"0.0.0\"\nedition = \"2021\"\n\
          [profile.release]\nopt-level = 3\ncodegen-units = 1\ndebug = 1\n[workspace]\n",
     )?;
+    let names = targets.join(", ");
     let mut cargo: Command = shell::command(rustup_which("cargo")?);
     cargo
         .current_dir(&seed)
@@ -175,18 +180,21 @@ fn build_core(prefix: &Path, target: &str) -> Result<()> {
         .env("RUSTC_BOOTSTRAP", "1")
         // Without bitcode in the sysroot a firmware with `lto = true` does not link.
         .env("RUSTFLAGS", "-Cembed-bitcode=yes")
-        .args([
-            "build",
-            "--release",
-            "-Zbuild-std=core,alloc",
-            "--target",
-            target,
-            "--target-dir",
-            "target",
-        ]);
-    shell::run(&mut cargo).with_context(|| format!("core for {target}"))?;
+        .args(["build", "--release", "-Zbuild-std=core,alloc"])
+        .args(targets.iter().flat_map(|target| ["--target", target]))
+        .args(["--target-dir", "target"]);
+    shell::run(&mut cargo).with_context(|| format!("core for {names}"))?;
+    for target in targets {
+        move_core(prefix, &seed, target)?;
+    }
+    fs::remove_dir_all(&seed)?;
+    eprintln!("core for {names} in {:.0} s", start.elapsed().as_secs_f32());
+    Ok(())
+}
 
-    let staged = seed.join("staged");
+/// What was built for one target, into the sysroot.
+fn move_core(prefix: &Path, seed: &Path, target: &str) -> Result<()> {
+    let staged = seed.join(format!("staged-{target}"));
     fs::create_dir_all(&staged)?;
     let mut found = 0;
     for file in fs::read_dir(seed.join("target").join(target).join("release/deps"))? {
@@ -206,11 +214,6 @@ fn build_core(prefix: &Path, target: &str) -> Result<()> {
     let place = prefix.join("lib/rustlib").join(target);
     fs::create_dir_all(&place)?;
     fs::rename(staged, place.join("lib"))?;
-    fs::remove_dir_all(&seed)?;
-    eprintln!(
-        "core for {target} in {:.0} s",
-        start.elapsed().as_secs_f32()
-    );
     Ok(())
 }
 

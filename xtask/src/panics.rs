@@ -46,10 +46,10 @@ pub fn prove(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
         )
     });
     report.check_together(links.into());
-    for (build, opt) in builds {
-        report.check(
-            &format!("panic proof: control fails at opt-level {opt}"),
-            || {
+    let controls = builds.map(|(build, opt)| {
+        Check::new(
+            format!("panic proof: control fails at opt-level {opt}"),
+            move || {
                 let control = Build {
                     rustc: &["--cfg", "panic_control"],
                     ..build
@@ -60,8 +60,9 @@ pub fn prove(report: &mut Report, toolchain: &Toolchain) -> Result<()> {
                     Err(error) => Err(error),
                 }
             },
-        );
-    }
+        )
+    });
+    report.check_together(controls.into());
     Ok(())
 }
 
