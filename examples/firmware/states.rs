@@ -1,6 +1,5 @@
 //! Bytes of every state that a program keeps, and of what it is handed, for the table of RAM.
 
-use core::fmt::Write;
 use core::mem::size_of;
 
 use navsight::alignment::carry::BiasBlock;
