@@ -220,4 +220,14 @@ fn a_sensor_that_cannot_feel_the_earth_turn() {
     assert!(changes
         .iter()
         .all(|c| c["state"] != "heading" || c["to"] != "settled"));
+    // It claims more of tilt and accelerometers too than standing teaches, to the end.
+    for (i, state) in [
+        (8, "heading"),
+        (7, "tilt about north"),
+        (12, "accelerometer bias right"),
+    ] {
+        let above = |c: &Value| c["state"] == state && c["reason"] == "AboveCeiling";
+        assert!(changes.iter().any(above), "{state}");
+        assert_eq!(word(&o, i), "inconsistent");
+    }
 }

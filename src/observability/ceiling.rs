@@ -36,7 +36,8 @@ pub const MARGIN: f64 = 0.1;
 /// hides it: σ_up after T seconds. An order of magnitude, and on the safe side: 3 to 4 times what was measured where δ is the
 /// rms tilt, more where it is the largest. Above [`MARGIN`] the ceilings of those states have to be given up.
 ///
-/// * `tilt` δ, the turn of the vertical in the body [rad]; `accel_bias` σ_a of the prior [m/s²]; `walk` q, velocity random
+/// * `tilt` δ, the turn of the vertical in the body [rad], as the accelerometers feel it in the mean of some seconds: what
+///   the filter thinks also moves by its corrections; `accel_bias` σ_a of the prior [m/s²]; `walk` q, velocity random
 ///   walk [m/s/√s]; `seconds` T of standing
 pub fn tilt_excess(tilt: f32, accel_bias: f32, walk: f32, seconds: f32) -> f32 {
     let ratio = tilt * accel_bias / walk;

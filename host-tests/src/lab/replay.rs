@@ -306,6 +306,9 @@ impl<'a> Replay<'a> {
         match &mut self.driver {
             Driver::Standing(alignment) => {
                 let progress = alignment.take(&imu).map_err(refused)?;
+                if let Some(watch) = &mut self.tally.watch {
+                    watch.stands(&imu.delta_v_b, imu.dt);
+                }
                 self.progress(progress).map_err(refused)?;
             }
             Driver::Aided(filter) => {
@@ -483,16 +486,9 @@ impl<'a> Replay<'a> {
         self.tally.innovations(reports);
         let (xi1, xi2) = xi(reports)?;
         self.tally.last = Some(Last { xi1, xi2 });
-        let time = self.tally.time;
-        let filter = match &self.driver {
-            Driver::Standing(alignment) => alignment.filter(),
-            Driver::Aided(filter) => Some(filter),
-            Driver::Waiting(_) => None,
-            Driver::Flying(flight) => flight.filter(),
-        };
-        if let (Some(watch), Some(filter)) = (&mut self.tally.watch, filter) {
-            watch.pose(filter);
-            watch.take(time, filter.time(), reports);
+        let (nav_time, time) = (self.filter().map_or(0.0, Filter::time), self.tally.time);
+        if let Some(watch) = &mut self.tally.watch {
+            watch.take(time, nav_time, reports);
         }
         if let Some(filter) = self.filter() {
             let snapshot = Snapshot {

@@ -122,9 +122,10 @@ pub fn run(args: &Args) -> Result<(), LabError> {
         ],
     );
     if flags.is_some() {
-        for p in std::iter::once(&here).chain(curve.iter().step_by(4)) {
+        let named = std::iter::once((&here, " (used)"));
+        for (p, name) in named.chain(curve.iter().step_by(4).map(|p| (p, ""))) {
             table.row([
-                digits(p.limit, 3),
+                format!("{}{name}", digits(p.limit, 3)),
                 format!("{:.2}", 100.0 * p.found),
                 format!("{:.3}", 100.0 * p.wrong),
             ]);
@@ -161,7 +162,7 @@ pub fn run(args: &Args) -> Result<(), LabError> {
 fn page(table: &Table, course: &[(f64, f64)], curve: &[Point], limit: f64, compared: bool) -> Page {
     let mut page = Page::new(
         "At rest or not",
-        "Likelihood ratio of a constant rate and force over half a second; both constants unknown.",
+        "Likelihood ratio of a constant rate and force over the window; both constants unknown.",
     );
     page.table(table);
     let line = |color, points: Vec<(f64, f64)>| Series {
@@ -205,6 +206,7 @@ fn page(table: &Table, course: &[(f64, f64)], curve: &[Point], limit: f64, compa
         .map(|(title, color, points)| {
             Chart {
                 x_label: "limit of the scatter, power of ten".into(),
+                band: Some(limit.log10() - 0.02..limit.log10() + 0.02),
                 size: (520, 260),
                 ..Chart::new(title, Scale::Linear, vec![line(color, points)])
             }
@@ -215,7 +217,7 @@ fn page(table: &Table, course: &[(f64, f64)], curve: &[Point], limit: f64, compa
             2,
             &charts,
             "Both errors over the limit, the bias limit unchanged. What is said at the time of a sample, without looking ahead, \
-             is held against its annotation.",
+             is held against its annotation. The tinted stripe is the limit in use.",
         );
     }
     page

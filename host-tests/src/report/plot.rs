@@ -106,6 +106,8 @@ pub struct Chart {
     pub title: String,
     /// Quantity and unit along x; empty for none.
     pub x_label: String,
+    /// Distance of the ticks along x, where round numbers are not the natural ones, as for angles.
+    pub x_step: Option<f64>,
     /// Vertical axis.
     pub scale: Scale,
     /// Ends of the vertical axis, where they should not follow the data.
@@ -130,6 +132,7 @@ impl Chart {
         Self {
             title: title.into(),
             x_label: String::new(),
+            x_step: None,
             scale,
             y_range: None,
             y_includes: None,
@@ -200,7 +203,10 @@ impl Chart {
         let font = |n: u32, color: &RGBColor| ("sans-serif", px(n)).into_font().color(color);
 
         let x_axis = Axis {
-            ticks: ticks(&x, 6),
+            ticks: match self.x_step {
+                Some(step) => multiples(&x, step),
+                None => ticks(&x, 6),
+            },
             range: x.clone(),
             scale: Scale::Linear,
         };
@@ -385,6 +391,11 @@ fn ticks(range: &Range<f64>, count: usize) -> Vec<f64> {
         .into_iter()
         .find(|s| *s >= raw * 0.999)
         .unwrap_or(raw);
+    multiples(range, step)
+}
+
+/// All multiples of a step inside a range.
+fn multiples(range: &Range<f64>, step: f64) -> Vec<f64> {
     let first = (range.start / step - 1e-9).ceil() as i64;
     let last = (range.end / step + 1e-9).floor() as i64;
     (first..=last).map(|i| i as f64 * step).collect()
@@ -432,7 +443,7 @@ fn tick_label(v: f64) -> String {
 /// Label of a logarithm: a power of ten, or the number itself.
 fn power_label(v: f64) -> String {
     let whole = (v - v.round()).abs() < 1e-9;
-    if whole && !(-1.5..4.5).contains(&v) {
+    if whole && !(-2.5..4.5).contains(&v) {
         format!("10{}", raised(&format!("{:.0}", v)))
     } else {
         tick_label(10f64.powf(v) * (1.0 + 1e-14))

@@ -16,6 +16,9 @@ use crate::report::{digits, Chart, Page, Scale, Series, Table};
 /// Angles from −180° to 180° in this step.
 const STEP_DEG: f64 = 15.0;
 
+/// The closed forms in this one, for a smooth line.
+const FINE_DEG: f64 = 2.0;
+
 /// What is carried over the turn.
 const WAYS: [Variant; 2] = [Variant::Full, Variant::Carry];
 
@@ -51,7 +54,7 @@ pub fn run(file: &File, json: bool, report: &Path) -> Result<(), LabError> {
         .map_err(|e| LabError::plain(format!("the filter refused this scenario: {e:?}")))?;
     bar.finish_and_clear();
     let table = table(&points);
-    let path = page(&points, &table).write(report)?;
+    let path = page(&base, &points, &table).write(report)?;
     if json {
         let list: Vec<_> = points
             .iter()
@@ -84,16 +87,23 @@ fn point(base: &Scenario, alpha_deg: f64, seed: u64) -> Result<Point, navsight::
     let mut tally = Tally::default();
     variant::run(&scenario, &scenario.track(), &WAYS, seed, &mut tally)?;
     let end = |v| tally.end(v);
-    let lat = scenario.schedule.at.lat as f32;
-    let alpha = alpha_deg.to_radians() as f32;
-    let gravity = Local::at(lat, scenario.schedule.at.height as f32).gravity;
+    let (degree, condition) = closed_forms(base, alpha_deg);
     Ok(Point {
         alpha_deg,
-        degree: f64::from(heading_degree(gravity, lat, alpha)),
-        condition: f64::from(condition(alpha)),
+        degree,
+        condition,
         sigma_deg: WAYS.map(|v| end(v).map_or(f64::NAN, |c| c.heading_sigma_deg())),
         accel_ug: WAYS.map(|v| end(v).map_or(f64::NAN, |c| c.level_accel_sigma_ug())),
     })
+}
+
+/// Degree of the heading and condition of the two north gyros.
+fn closed_forms(base: &Scenario, alpha_deg: f64) -> (f64, f64) {
+    let at = base.schedule.at;
+    let (lat, alpha) = (at.lat as f32, alpha_deg.to_radians() as f32);
+    let gravity = Local::at(lat, at.height as f32).gravity;
+    let degree = heading_degree(gravity, lat, alpha);
+    (f64::from(degree), f64::from(condition(alpha)))
 }
 
 fn table(points: &[Point]) -> Table {
@@ -127,7 +137,7 @@ fn table(points: &[Point]) -> Table {
     table
 }
 
-fn page(points: &[Point], table: &Table) -> Page {
+fn page(base: &Scenario, points: &[Point], table: &Table) -> Page {
     let mut page = Page::new(
         "By what angle to turn",
         "Two positions, the second one fixed: what the angle between them is worth, by the closed forms and by the filter.",
@@ -147,10 +157,22 @@ fn page(points: &[Point], table: &Table) -> Page {
     let chart = |title: &str, scale, series| {
         Chart {
             x_label: "angle of the turn [°]".into(),
+            x_step: Some(45.0),
             size: (520, 260),
             ..Chart::new(title, scale, series)
         }
         .svg()
+    };
+    let steps = (360.0 / FINE_DEG) as i32;
+    let fine: Vec<_> = (0..=steps)
+        .map(|k| f64::from(k) * FINE_DEG - 180.0)
+        .map(|alpha| (alpha, closed_forms(base, alpha)))
+        .collect();
+    let form = |pick: &dyn Fn((f64, f64)) -> f64| Series {
+        label: String::new(),
+        color: COLORS[5],
+        width: 2,
+        points: fine.iter().map(|(a, forms)| (*a, pick(*forms))).collect(),
     };
     let colors = WAYS.map(|v| COLORS[v as usize % COLORS.len()]);
     let ways = |pick: &dyn Fn(&Point, usize) -> f64| {
@@ -166,12 +188,12 @@ fn page(points: &[Point], table: &Table) -> Page {
             chart(
                 "degree of the heading [m/s³], Fig. 4",
                 Scale::Linear,
-                vec![line(COLORS[5], &|p| p.degree)],
+                vec![form(&|(degree, _)| degree)],
             ),
             chart(
                 "cond A, Fig. 5",
                 Scale::Logarithmic,
-                vec![line(COLORS[5], &|p| p.condition.min(1e3))],
+                vec![form(&|(_, condition)| condition.min(1e3))],
             ),
         ],
         "Both speak of biases carried alone: best at ±90°.",

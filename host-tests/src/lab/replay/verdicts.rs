@@ -6,12 +6,15 @@ use navsight::error_model::{psi, Environment, ATT, BA, N, VEL};
 use navsight::filter::{Filter, UpdateReport};
 use navsight::observability::ceiling::{ceiling, tilt_excess, unseen_share, MARGIN};
 use navsight::observability::pwcs::{Scale, Staged, NAVIGATION};
-use navsight::observability::verdict::{Judgement, Limits, Verdicts};
+use navsight::observability::verdict::{Judgement, Limits, Verdict, Verdicts};
 use serde_json::{json, Value};
 
 use super::super::states::STATES;
 use super::evidence::{Evidence, History};
 use crate::config::Required;
+
+/// The vertical is felt as the mean of so many seconds: shaking has gone from it.
+const TILT_BLOCK: f32 = 10.0;
 
 /// The verdicts and their history.
 pub(super) struct Watch {
@@ -21,8 +24,11 @@ pub(super) struct Watch {
     sigma0: [f64; N],
     required: [Option<f32>; N],
     ceilings: [Option<f32>; N],
-    /// The vertical in the body when the ceilings were made, and the filter's time then.
-    up: (Vector3<f32>, f64),
+    /// Σ of the specific force [m/s] since that many seconds, and its direction in the body when the ceilings were made.
+    force: (Vector3<f32>, f32),
+    up: Option<Vector3<f32>>,
+    /// Seconds since then.
+    stood: f32,
     accel_bias: f32,
     walk: f32,
 }
@@ -56,7 +62,9 @@ impl Watch {
             sigma0: filter.sigma0().map(f64::from),
             required,
             ceilings,
-            up: (up(filter), filter.time()),
+            force: (Vector3::zeros(), 0.0),
+            up: None,
+            stood: 0.0,
             accel_bias: filter.sigma0()[BA..].iter().copied().fold(0.0, f32::max),
             walk: filter.settings().noise.velocity.sqrt(),
         })
@@ -86,14 +94,25 @@ impl Watch {
         }
     }
 
-    /// A vehicle that tilts is in another position: tilts and accelerometers have no ceiling any more.
-    pub(super) fn pose(&mut self, filter: &Filter) {
-        let tilt = up(filter).cross(&self.up.0).norm();
-        let seconds = (filter.time() - self.up.1) as f32;
-        let excess = tilt_excess(tilt, self.accel_bias, self.walk, seconds);
-        if excess > MARGIN as f32 && self.ceilings[ATT].is_some() {
+    /// A sample of a standing vehicle. One that tilts is in another position: tilts and accelerometers have no ceiling any
+    /// more, but for those that stood above it before. The tilt is what the accelerometers feel, so that no correction of the filter is taken for one.
+    pub(super) fn stands(&mut self, delta_v: &Vector3<f32>, dt: f32) {
+        self.stood += dt;
+        self.force.0 += delta_v;
+        self.force.1 += dt;
+        if self.force.1 < TILT_BLOCK {
+            return;
+        }
+        let up = self.force.0.normalize();
+        self.force = (Vector3::zeros(), 0.0);
+        let tilt = up.cross(self.up.get_or_insert(up)).norm();
+        let excess = tilt_excess(tilt, self.accel_bias, self.walk, self.stood);
+        if excess > MARGIN as f32 {
             for i in [ATT, ATT + 1, BA, BA + 1, BA + 2] {
-                self.ceilings[i] = None;
+                let judgement = self.verdicts.of(i);
+                if judgement.is_some_and(|j| j.verdict != Verdict::Inconsistent) {
+                    self.ceilings[i] = None;
+                }
             }
             self.verdicts.set_ceilings(&self.ceilings);
         }
@@ -143,11 +162,6 @@ impl Watch {
         };
         self.changes.iter().map(one).collect()
     }
-}
-
-/// The vertical in the body.
-fn up(filter: &Filter) -> Vector3<f32> {
-    filter.nav().c_b_n().row(2).transpose()
 }
 
 /// Ceilings of ξ2 for a vehicle that stands as this one does and measures its velocity.
