@@ -490,7 +490,10 @@ fn aids(nav: &NavState) -> Result<(), Error> {
     keep((velocity.accuracy(), velocity.linearize_horizontal(nav)));
     let fix = PositionVelocity::new(any(position), any(velocity), antenna);
     keep((fix.position(), fix.velocity(), fix.interval()));
-    keep(fix.linearize(nav));
+    keep((fix.linearize(nav), fix.linearize(nav).h.dense()));
+    if let Jacobian::Antenna(rows) = fix.linearize(nav).h {
+        keep(any(rows).dense::<6>());
+    }
     let barometer = Barometer::calibrate(x, any(x), any(0.5))?;
     keep((barometer.height(any(x)), barometer.measure(any(x), x, x)));
     let boresight = Boresight::new(any(nav.euler()))?;

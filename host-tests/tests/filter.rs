@@ -1,13 +1,16 @@
 //! The filter as its user meets it: what it refuses, that it stays as it was then, and what a start means.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use navsight::attitude::Euler;
 use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::{BiasModel, NoiseDensity, BG, N, VEL};
 use navsight::filter::{Filter, Prior, Settings, MAX_STEP};
 use navsight::imu::{ImuIncrement, ImuLimits};
-use navsight::measurement::{Height, Jacobian, Linearized, ZeroVelocity};
+use navsight::measurement::{
+    Accuracy, Antenna, Height, Jacobian, Linearized, Position, PositionVelocity, Velocity,
+    ZeroVelocity,
+};
 use navsight::nav::NavState;
 
 const DEG: f32 = core::f32::consts::PI / 180.0;
@@ -154,6 +157,66 @@ fn a_refused_measurement_leaves_every_bit() {
     }
     assert!(filter.update(&good).is_ok());
     assert_ne!(bits(&filter), before);
+}
+
+/// The rows of an antenna have a kernel of their own, which knows where their zeros are.
+#[test]
+fn the_rows_of_an_antenna_do_what_the_same_rows_in_full_do() {
+    let correlated = |size: f32| {
+        let r = Matrix3::new(4.0, -1.0, 0.5, -1.0, 9.0, 2.0, 0.5, 2.0, 25.0) * size;
+        Accuracy::covariance(&r).unwrap()
+    };
+    let plain = |size: f32| Accuracy::speed(size.sqrt()).unwrap();
+    let antenna = Antenna::new(Vector3::new(1.5, -2.0, 0.7)).unwrap();
+    // The last one takes nearly all of a variance, and goes through double words.
+    for (of_r, of_v) in [
+        (plain(4.0), plain(0.04)),
+        (correlated(1.0), correlated(1e-2)),
+        (plain(1.0), correlated(1e-2)),
+        (plain(1e-6), plain(1e-8)),
+    ] {
+        for held in [0, 1 << BG | 1 << VEL] {
+            let mut own = running();
+            own.consider(held);
+            let mut full = own.clone();
+            let nav = *own.nav();
+            let at = nav.position();
+            let position = Position::with_accuracy(at, of_r, 1.0).unwrap();
+            let v = nav.v_n() + Vector3::new(0.02, -0.01, 0.03);
+            let velocity = Velocity::with_accuracy(v, of_v, 1.0).unwrap();
+            let rows = PositionVelocity::new(position, velocity, antenna).linearize(&nav);
+            assert!(matches!(rows.h, Jacobian::Antenna(_)));
+            let dense = Linearized {
+                h: Jacobian::Dense(rows.h.dense()),
+                ..rows
+            };
+            let (a, b) = (own.update(&rows), full.update(&dense));
+            if let (Err(a), Err(b)) = (&a, &b) {
+                assert_eq!(a, b);
+                continue;
+            }
+            let (a, b) = (a.unwrap(), b.unwrap());
+            assert_eq!(a.accepted, b.accepted);
+            // six rows of f32 in another order of additions; a variance is compared with itself
+            for (a, b) in
+                a.s.iter()
+                    .chain(&a.p_after)
+                    .zip(b.s.iter().chain(&b.p_after))
+            {
+                assert!((a - b).abs() < 2e-4 * b, "{a} {b}");
+            }
+            for i in 0..N {
+                let sigma = b.p_before[i].sqrt();
+                assert!((a.correction[i] - b.correction[i]).abs() < 1e-3 * sigma);
+                for j in 0..i {
+                    let (p, q) = (own.covariance(), full.covariance());
+                    let scale = (q.variance(i) * q.variance(j)).sqrt();
+                    let off = (p.element(i, j) - q.element(i, j)).abs() / scale;
+                    assert!(off < 1e-3, "({i}, {j}): {off:e}");
+                }
+            }
+        }
+    }
 }
 
 #[test]

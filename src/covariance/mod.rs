@@ -20,6 +20,7 @@ mod swift;
 mod update;
 
 pub use packed::{Covariance, Covariance15};
+pub(crate) use panel::Six;
 pub(crate) use sequence::each_row;
 pub(crate) use update::{Lines, Pattern, Slots};
 pub use update::{Observation, Rows, Update};

@@ -5,7 +5,93 @@ use super::sequence::{all_zero, each_row};
 use crate::linalg::{each_state, in_order, Real};
 use nalgebra::SMatrix;
 
+/// Six rows. Row m is −1 on state m; off the diagonals of two 3×3 blocks −`on_6[m]` on the next state but one round
+/// states 6, 7, 8; rows 3, 4, 5 also −`on_9` on states 9, 10, 11. After that each three are multiplied by the inverse of
+/// a unit lower triangle, of which `lower` holds (1, 0), (2, 0) and (2, 1).
+///
+/// An antenna on a lever arm: position, velocity, attitude, gyro bias.
+pub(crate) struct Six<T> {
+    /// Of row m: on state 6 + (m + 1) mod 3, and on state 6 + (m + 2) mod 3.
+    pub on_6: [[T; 2]; 6],
+    pub on_9: [[T; 3]; 3],
+    pub lower: [[T; 3]; 2],
+    /// Whether there is anything in `lower`.
+    pub correlated: bool,
+}
+
+/// Rows of H, all signs turned, times a vector of which `$x!(i)` is element i.
+macro_rules! six {
+    ($six:ident, $x:ident) => {{
+        let (a, b) = (&$six.on_6, &$six.on_9);
+        let mut y = [
+            $x!(0) + a[0][0] * $x!(7) + a[0][1] * $x!(8),
+            $x!(1) + a[1][0] * $x!(8) + a[1][1] * $x!(6),
+            $x!(2) + a[2][0] * $x!(6) + a[2][1] * $x!(7),
+            $x!(3)
+                + a[3][0] * $x!(7)
+                + a[3][1] * $x!(8)
+                + b[0][0] * $x!(9)
+                + b[0][1] * $x!(10)
+                + b[0][2] * $x!(11),
+            $x!(4)
+                + a[4][0] * $x!(8)
+                + a[4][1] * $x!(6)
+                + b[1][0] * $x!(9)
+                + b[1][1] * $x!(10)
+                + b[1][2] * $x!(11),
+            $x!(5)
+                + a[5][0] * $x!(6)
+                + a[5][1] * $x!(7)
+                + b[2][0] * $x!(9)
+                + b[2][1] * $x!(10)
+                + b[2][2] * $x!(11),
+        ];
+        if $six.correlated {
+            let [p, v] = &$six.lower;
+            y[1] -= p[0] * y[0];
+            y[2] = y[2] - p[1] * y[0] - p[2] * y[1];
+            y[4] -= v[0] * y[3];
+            y[5] = y[5] - v[1] * y[3] - v[2] * y[4];
+        }
+        y
+    }};
+}
+
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
+    /// P Hᵀ, and H P Hᵀ on and below its diagonal, of [`Six`] with all signs turned. M is 6.
+    #[inline(always)]
+    pub(super) fn six_panel<const M: usize>(
+        &self,
+        six: &Six<T>,
+        c: &mut [[T; N]; M],
+    ) -> [[T; M]; M] {
+        macro_rules! column {
+            ($i:literal) => {
+                macro_rules! p {
+                    ($j:literal) => {
+                        self.hi[at($i, $j)]
+                    };
+                }
+                let y = six!(six, p);
+                each_row!(m; c[m][$i] = y[m]);
+                in_order();
+            };
+        }
+        each_state!(column);
+        let mut hph = [[T::zero(); M]; M];
+        each_row!(m; {
+            let row = &c[m];
+            macro_rules! c {
+                ($j:literal) => {
+                    row[$j]
+                };
+            }
+            let y = six!(six, c);
+            each_row!(n; if n >= m { hph[n][m] = y[n] });
+        });
+        hph
+    }
+
     /// P Hᵀ and H P Hᵀ of direct rows from any state on; zeros where there is no such state.
     #[inline(always)]
     pub(super) fn direct_panel<const M: usize>(

@@ -15,6 +15,7 @@
 use core::hint::black_box;
 
 use super::packed::{at, upper, Covariance};
+use super::panel::Six;
 use super::sequence::{back, dot, each_row, sequence, times, Sequence};
 use super::update::{Lines, Pattern, Slots};
 use crate::error::Error;
@@ -31,7 +32,11 @@ struct Work<T, const M: usize, const N: usize> {
     c: [[T; N]; M],
     /// 1/s; zero for a row that was gated out.
     inverse: [T; M],
-    /// K R of a state is B c: the diagonal of B's first factor …
+}
+
+/// Of rows that measure states by themselves: K R of a state is B c.
+struct Direct<T, const M: usize> {
+    /// The diagonal of B's first factor …
     shrink: [T; M],
     /// … and what [`back`] takes off, both with R inside.
     back: [[T; M]; M],
@@ -44,6 +49,15 @@ impl<T: Real, const M: usize, const N: usize> Work<T, M, N> {
         Self {
             c: [[T::one(); N]; M],
             inverse: [T::one(); M],
+        }
+    }
+}
+
+impl<T: Real, const M: usize> Direct<T, M> {
+    /// Any numbers, likewise.
+    #[inline(always)]
+    fn new() -> Self {
+        Self {
             shrink: [T::one(); M],
             back: [[T::one(); M]; M],
         }
@@ -63,12 +77,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES {
             return Ok(false); // known at compile time: of the constant indices below nothing is left then
         }
-        let mut work = Work::new();
-        if !self.form_block::<M, FIRST>(rows, out, &mut work) {
+        let (mut work, mut direct) = (Work::new(), Direct::new());
+        if !self.form_block::<M, FIRST>(rows, out, &mut work, &mut direct) {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, FIRST>(&work);
+        self.sweep::<M, FIRST>(&work, Some(&direct));
         Ok(true)
     }
 
@@ -88,8 +102,45 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, NONE>(&work);
+        self.sweep::<M, NONE>(&work, None);
         Ok(true)
+    }
+
+    /// The same of the six rows of [`Six`].
+    #[inline(always)]
+    pub(crate) fn update_six<const M: usize>(
+        &mut self,
+        six: &Six<T>,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<bool, Error> {
+        if N != STATES || M != 6 {
+            return Ok(false);
+        }
+        let mut work = Work::new();
+        if !self.form_six(six, rows, out, &mut work) {
+            return Ok(false);
+        }
+        accept(out.dx)?;
+        self.sweep::<M, NONE>(&work, None);
+        Ok(true)
+    }
+
+    #[inline(never)]
+    fn form_six<const M: usize>(
+        &self,
+        six: &Six<T>,
+        rows: &Lines<'_, T, M, N>,
+        out: &mut Slots<'_, T, M, N>,
+        work: &mut Work<T, M, N>,
+    ) -> bool {
+        let hph = self.six_panel(six, &mut work.c);
+        // both signs turned, of the rows and of their innovations
+        match sequence(&hph, &rows.nu.map(|x| -x), rows, out) {
+            Some(q) => self.variances::<M, NONE>(&q, None, out, work),
+            None => false,
+        }
     }
 
     /// Direct rows from state FIRST on, FIRST known at compile time, all of which pass their gates.
@@ -99,6 +150,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         rows: &Lines<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         work: &mut Work<T, M, N>,
+        direct: &mut Direct<T, M>,
     ) -> bool {
         let mut hph = [[T::zero(); M]; M];
         each_row!(m; { each_row!(k; hph[m][k] = self.hi[at(FIRST + m, FIRST + k)]); });
@@ -106,12 +158,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         match sequence(&hph, &rows.nu.map(|x| -x), rows, out) {
             Some(q) if out.accepted.iter().all(|used| *used) => {
                 each_row!(m; {
-                    work.shrink[m] = q.inverse[m] * rows.r[m];
+                    direct.shrink[m] = q.inverse[m] * rows.r[m];
                     each_row!(k; if k < m {
-                        work.back[m][k] = q.l[m][k] * (rows.r[k] / rows.r[m]);
+                        direct.back[m][k] = q.l[m][k] * (rows.r[k] / rows.r[m]);
                     });
                 });
-                self.variances::<M, FIRST>(&q, out, work)
+                self.variances::<M, FIRST>(&q, Some(direct), out, work)
             }
             _ => false,
         }
@@ -134,7 +186,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             Pattern::Dense { h, unit } => self.dense_panel(h, unit, &mut work.c),
         };
         match sequence(&hph, &nu, rows, out) {
-            Some(q) => self.variances::<M, NONE>(&q, out, work),
+            Some(q) => self.variances::<M, NONE>(&q, None, out, work),
             None => false,
         }
     }
@@ -145,6 +197,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     fn variances<const M: usize, const FIRST: usize>(
         &self,
         q: &Sequence<T, M>,
+        direct: Option<&Direct<T, M>>,
         out: &mut Slots<'_, T, M, N>,
         work: &mut Work<T, M, N>,
     ) -> bool {
@@ -169,10 +222,11 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                     each_row!(m; work.c[m][$j] = c[m]);
                 }
                 let before = self.hi[upper($j, $j)];
-                let after = if measured::<M, FIRST>($j) {
-                    back(&times(&c, &work.shrink), &work.back)[$j - FIRST]
-                } else {
-                    two_add(before, self.lo[upper($j, $j)], -d).0
+                let after = match direct {
+                    Some(b) if measured::<M, FIRST>($j) => {
+                        back(&times(&c, &b.shrink), &b.back)[$j - FIRST]
+                    }
+                    _ => two_add(before, self.lo[upper($j, $j)], -d).0,
                 };
                 out.dx[$j] = $dx;
                 out.decrease[$j] = d;
@@ -237,7 +291,11 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// P ← P − Σ c cᵀ/s, three columns at a time, so that a panel entry is read once for three elements; rows and columns
     /// of states measured by themselves ← K R.
     #[inline(never)]
-    fn sweep<const M: usize, const FIRST: usize>(&mut self, work: &Work<T, M, N>) {
+    fn sweep<const M: usize, const FIRST: usize>(
+        &mut self,
+        work: &Work<T, M, N>,
+        direct: Option<&Direct<T, M>>,
+    ) {
         let work = match M {
             1 => work,
             _ => black_box(work), // read where it is each time: the compiler would copy it first
@@ -280,10 +338,11 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         tile!(6, 7, 8);
         tile!(9, 10, 11);
         tile!(12, 13, 14);
+        let Some(b) = direct else { return };
         if FIRST < NONE {
             macro_rules! one {
                 ($i:literal) => {
-                    let x = back(&times(&c!($i), &work.shrink), &work.back);
+                    let x = back(&times(&c!($i), &b.shrink), &b.back);
                     each_row!(m; if at($i, FIRST + m) == upper($i, FIRST + m) || !measured::<M, FIRST>($i) {
                         let k = at($i, FIRST + m);
                         (self.hi[k], self.lo[k]) = (x[m], T::zero());

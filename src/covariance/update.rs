@@ -232,6 +232,24 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         self.carefully(rows, h, considered, out, accept)
     }
 
+    /// The careful update of rows h, whatever `rows.h` says; column j times `unit[j]`.
+    #[inline(always)]
+    pub(crate) fn update_dense_carefully<const M: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M, N>,
+        h: &SMatrix<T, M, N>,
+        unit: &[T; N],
+        considered: u32,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let h = careful::Pattern::Dense {
+            h: h.as_slice(),
+            unit,
+        };
+        self.carefully(rows, h, considered, out, accept)
+    }
+
     /// Room of the right size around the careful update.
     #[cold]
     #[inline(never)]

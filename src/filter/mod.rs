@@ -27,12 +27,12 @@ pub use report::UpdateReport;
 pub use settings::{Prior, Settings, MAX_STEP};
 pub use source::{Aided, Gate, Handling, Source, States};
 
-use crate::covariance::{each_row, Covariance15, Lines, Pattern};
+use crate::covariance::{each_row, Covariance15, Lines, Pattern, Slots};
 use crate::error::Error;
 use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N, POS, VEL};
 use crate::imu::ImuIncrement;
 use crate::linalg::{looped, looped_mut, BlockTransition, Real, Two};
-use crate::measurement::{Jacobian, Linearized};
+use crate::measurement::{AntennaRows, Jacobian, Linearized};
 use crate::mechanization::Step;
 use crate::nav::NavState;
 use nalgebra::SMatrix;
@@ -271,8 +271,53 @@ impl Filter {
             Jacobian::Direct { first: VEL } if M == 3 => {
                 self.update_states::<M, VEL>(&mut given, report)
             }
+            Jacobian::Antenna(rows) if M == 6 => self.update_antenna(&mut given, rows, report),
+            Jacobian::Antenna(rows) => {
+                let h = Jacobian::Dense(rows.dense());
+                self.update_any(&mut given, &h, report)
+            }
             h => self.update_any(&mut given, h, report),
         }
+    }
+
+    /// The six rows of position and velocity of an antenna; M is 6.
+    #[inline(never)]
+    fn update_antenna<const M: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        rows: &AntennaRows,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
+        if !rows.within(MAX_MAGNITUDE) {
+            return Err(Error::OutOfRange);
+        }
+        let mut unit = [1.0; M];
+        each_row!(m; unit[m] = self.sigma0[POS + m]);
+        given.scale(&unit, report)?;
+        self.synchronize();
+        let lines = Lines {
+            nu: &given.nu,
+            r: &given.r,
+            gate: given.gate,
+            h: Pattern::Direct { first: POS },
+        };
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
+        let mut slots = report.slots();
+        let p = &mut self.covariance;
+        let considered = u32::from(self.considered);
+        let six = rows.in_units(sigma0);
+        if considered != 0 || !p.update_six(&six, &lines, &mut slots, &mut accept)? {
+            update_in_full(p, rows, sigma0, &lines, considered, &mut slots, &mut accept)?;
+        }
+        each_row!(m; {
+            let unit = self.sigma0[POS + m];
+            report.s[m] *= unit * unit;
+        });
+        report.normalised = self.normalised;
+        report.interval = given.interval;
+        Ok(())
     }
 
     /// Rows that are −1 on the states from FIRST on.
@@ -336,6 +381,7 @@ impl Filter {
                     h,
                     unit: &self.sigma0,
                 },
+                Jacobian::Antenna(_) => return Err(Error::OutOfRange), // never: made dense by the caller
             },
         };
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
@@ -444,6 +490,25 @@ fn unit_of(sigma: f32) -> f32 {
     }
 }
 
+/// The careful update by the rows of an antenna in full, each in the unit of the state it is −1 on.
+#[cold]
+#[inline(never)]
+fn update_in_full<const M: usize>(
+    p: &mut Covariance15<f32>,
+    rows: &AntennaRows,
+    sigma0: &[f32; N],
+    lines: &Lines<'_, f32, M, N>,
+    considered: u32,
+    out: &mut Slots<'_, f32, M, N>,
+    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut h = rows.dense::<M>();
+    for (mut row, unit) in h.row_iter_mut().zip(sigma0.iter().skip(POS)) {
+        row /= *unit;
+    }
+    p.update_dense_carefully(lines, &h, sigma0, considered, out, accept)
+}
+
 /// The numbers of a measurement, without its rows.
 struct Given<const M: usize> {
     nu: [f32; M],
@@ -506,7 +571,7 @@ fn refused(interval: f32, nu: &[f32], r: &[f32]) -> Error {
 fn check_rows<const M: usize>(h: &Jacobian<M>) -> Result<(), Error> {
     match h {
         Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),
-        Jacobian::Direct { .. } => Ok(()),
+        Jacobian::Direct { .. } | Jacobian::Antenna(_) => Ok(()),
         Jacobian::Dense(h) => {
             // at a glance; written as what is good: a NaN fails
             let columns = h.data.0.as_flattened().iter();

@@ -87,6 +87,11 @@ impl Accuracy {
         self.d
     }
 
+    /// Elements (1, 0), (2, 0) and (2, 1) of L.
+    pub(super) fn lower(&self) -> [f32; 3] {
+        self.l
+    }
+
     /// L⁻¹ times the innovation.
     pub(super) fn decorrelated(&self, nu: &Vector3<f32>) -> Vector3<f32> {
         let [l10, l20, l21] = self.l;

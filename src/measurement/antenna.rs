@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::attitude::Rfu;
+use crate::covariance::Six;
 use crate::error::Error;
 use crate::error_model::{ATT, BG, N, POS, VEL};
 use crate::linalg::skew;
@@ -66,6 +67,22 @@ impl Antenna {
         c_b_n * nav.omega_ib_b().cross(&self.l)
     }
 
+    /// The rows of position and velocity together. `lower`: of the correlations of each, as [`AntennaRows`] has them.
+    pub(super) fn rows(
+        &self,
+        offset: &Vector3<f32>,
+        motion: &Vector3<f32>,
+        c_b_n: &Matrix3<f32>,
+        lower: [[f32; 3]; 2],
+    ) -> AntennaRows {
+        AntennaRows {
+            offset: *offset,
+            motion: *motion,
+            turned: c_b_n * skew(&self.l),
+            lower,
+        }
+    }
+
     /// Rows of the position of the antenna from `ROW` on.
     pub(super) fn position_rows<const M: usize, const ROW: usize>(
         offset: &Vector3<f32>,
@@ -86,5 +103,89 @@ impl Antenna {
         h.fixed_view_mut::<3, 3>(ROW, ATT).copy_from(&-skew(motion));
         h.fixed_view_mut::<3, 3>(ROW, BG)
             .copy_from(&(c_b_n * skew(&self.l)));
+    }
+}
+
+/// The six rows of position and velocity of an antenna: what is in them that is neither 0 nor −1.
+///
+/// ```text
+///        δr    δv      ψ          b_g
+/// L_r⁻¹ [−I     0   −[(C l)×]      0     ]
+/// L_v⁻¹ [ 0    −I   −[(C(ω×l))×]  C [l×] ]
+/// ```
+/// L_r and L_v are the unit lower factors of what correlates the errors of a fix, I where nothing does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AntennaRows {
+    /// C l
+    offset: Vector3<f32>,
+    /// C (ω × l)
+    motion: Vector3<f32>,
+    /// C [l×]
+    turned: Matrix3<f32>,
+    /// Elements (1, 0), (2, 0), (2, 1) of L_r and of L_v
+    lower: [[f32; 3]; 2],
+}
+
+impl AntennaRows {
+    /// All elements of the first M rows; further rows, which there are not, are zero.
+    pub fn dense<const M: usize>(&self) -> SMatrix<f32, M, N> {
+        let mut h = SMatrix::<f32, 6, N>::zeros();
+        h.fixed_view_mut::<6, 6>(0, POS).fill_diagonal(-1.0);
+        let (r, v) = (-skew(&self.offset), -skew(&self.motion));
+        h.fixed_view_mut::<3, 3>(0, ATT).copy_from(&r);
+        h.fixed_view_mut::<3, 3>(3, ATT).copy_from(&v);
+        h.fixed_view_mut::<3, 3>(3, BG).copy_from(&self.turned);
+        let [r, v] = &self.lower;
+        for mut column in h.column_iter_mut() {
+            column.y -= r[0] * column.x;
+            column.z = column.z - r[1] * column.x - r[2] * column.y;
+            column.a -= v[0] * column.w;
+            column.b = column.b - v[1] * column.w - v[2] * column.a;
+        }
+        SMatrix::from_fn(|i, j| h.get((i, j)).copied().unwrap_or(0.0))
+    }
+
+    /// As the covariance takes them: states in these units, and each row in that of the state it is −1 on.
+    #[inline(always)]
+    pub(crate) fn in_units(&self, unit: &[f32; N]) -> Six<f32> {
+        let (o, m, t, [r, v]) = (&self.offset, &self.motion, &self.turned, &self.lower);
+        let [e, n, u, ve, vn, vu, pe, pn, pu, gx, gy, gz, ..] = *unit;
+        let own = [e, n, u, ve, vn, vu].map(|unit| 1.0 / unit);
+        // [x×], all signs turned twice
+        let pair = |own: f32, first: f32, second: f32| [first * own, second * own];
+        let gyro = |own: f32, x: f32, y: f32, z: f32| [-x * gx * own, -y * gy * own, -z * gz * own];
+        Six {
+            on_6: [
+                pair(own[0], -o.z * pn, o.y * pu),
+                pair(own[1], -o.x * pu, o.z * pe),
+                pair(own[2], -o.y * pe, o.x * pn),
+                pair(own[3], -m.z * pn, m.y * pu),
+                pair(own[4], -m.x * pu, m.z * pe),
+                pair(own[5], -m.y * pe, m.x * pn),
+            ],
+            on_9: [
+                gyro(own[3], t.m11, t.m12, t.m13),
+                gyro(own[4], t.m21, t.m22, t.m23),
+                gyro(own[5], t.m31, t.m32, t.m33),
+            ],
+            lower: [
+                [r[0] * e * own[1], r[1] * e * own[2], r[2] * n * own[2]],
+                [v[0] * ve * own[4], v[1] * ve * own[5], v[2] * vn * own[5]],
+            ],
+            correlated: *r != [0.0; 3] || *v != [0.0; 3],
+        }
+    }
+
+    /// Whether all are finite and below this.
+    pub(crate) fn within(&self, limit: f32) -> bool {
+        // written as what is good: a NaN fails
+        let (o, m, t) = (self.offset.iter(), self.motion.iter(), self.turned.iter());
+        let lower = self.lower.as_flattened().iter();
+        o.chain(m)
+            .chain(t)
+            .chain(lower)
+            .map(|x| x.abs())
+            .sum::<f32>()
+            <= limit
     }
 }

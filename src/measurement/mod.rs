@@ -96,7 +96,7 @@ mod zero_rotation;
 mod zero_velocity;
 
 pub use accuracy::Accuracy;
-pub use antenna::{Antenna, MAX_LEVER};
+pub use antenna::{Antenna, AntennaRows, MAX_LEVER};
 pub use barometer::Barometer;
 pub use boresight::Boresight;
 pub use course::Course;
@@ -129,7 +129,7 @@ impl Linearized<3> {
             nu: SVector::from([self.nu.x, self.nu.y]),
             h: match &self.h {
                 Jacobian::Direct { first } => Jacobian::Direct { first: *first },
-                Jacobian::Dense(h) => Jacobian::Dense(h.fixed_view::<2, N>(0, 0).into_owned()),
+                h => Jacobian::Dense(h.dense().fixed_view::<2, N>(0, 0).into_owned()),
             },
             r: SVector::from([self.r.x, self.r.y]),
             interval: self.interval,
@@ -146,6 +146,8 @@ pub enum Jacobian<const M: usize> {
         /// State of row 0
         first: usize,
     },
+    /// The first M rows of position and velocity of an antenna, of which there are six.
+    Antenna(AntennaRows),
     /// Any rows.
     Dense(SMatrix<f32, M, N>),
 }
@@ -160,6 +162,7 @@ impl<const M: usize> Jacobian<M> {
                     false => 0.0,
                 })
             }
+            Self::Antenna(rows) => rows.dense(),
             Self::Dense(h) => *h,
         }
     }

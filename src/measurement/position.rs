@@ -97,6 +97,12 @@ impl Position {
         let offset = self.antenna.offset(c_b_n);
         Antenna::position_rows::<M, ROW>(&offset, h);
         self.accuracy.decorrelate_rows::<M, ROW>(h);
+        self.innovation_at(nav, &offset)
+    }
+
+    /// The innovation with the antenna at `offset`, the correlations taken out.
+    #[inline(always)]
+    pub(super) fn innovation_at(&self, nav: &NavState, offset: &Vector3<f32>) -> Vector3<f32> {
         self.accuracy
             .decorrelated(&(self.displacement(nav) - offset))
     }

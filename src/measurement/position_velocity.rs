@@ -1,9 +1,8 @@
 //! Position and velocity of one epoch of a satellite receiver, in one update.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
 use super::{Antenna, Jacobian, Linearized, Position, Velocity};
-use crate::error_model::N;
 use crate::nav::NavState;
 
 /// A fix: position and velocity of the same antenna at the same time, six rows.
@@ -11,6 +10,7 @@ use crate::nav::NavState;
 pub struct PositionVelocity {
     position: Position,
     velocity: Velocity,
+    antenna: Antenna,
 }
 
 impl PositionVelocity {
@@ -19,6 +19,7 @@ impl PositionVelocity {
         Self {
             position: position.of(antenna),
             velocity: velocity.of(antenna),
+            antenna,
         }
     }
 
@@ -40,16 +41,16 @@ impl PositionVelocity {
     /// The rows of [`Position::linearize`], then those of [`Velocity::linearize`]. One report, one ξ1.
     pub fn linearize(&self, nav: &NavState) -> Linearized<6> {
         let c_b_n = nav.c_b_n();
-        let mut h = SMatrix::<f32, 6, N>::zeros();
-        let nu_r = self.position.innovation::<6, 0>(nav, &c_b_n, &mut h);
-        let nu_v = self.velocity.innovation::<6, 3>(nav, &c_b_n, &mut h);
-        let (r, v) = (
-            self.position.accuracy().variances(),
-            self.velocity.accuracy().variances(),
-        );
+        let offset = self.antenna.offset(&c_b_n);
+        let motion = self.antenna.motion(nav, &c_b_n);
+        let nu_r = self.position.innovation_at(nav, &offset);
+        let nu_v = self.velocity.innovation_at(nav, &motion);
+        let (of_r, of_v) = (self.position.accuracy(), self.velocity.accuracy());
+        let (r, v) = (of_r.variances(), of_v.variances());
+        let lower = [of_r.lower(), of_v.lower()];
         Linearized {
             nu: SVector::from([nu_r.x, nu_r.y, nu_r.z, nu_v.x, nu_v.y, nu_v.z]),
-            h: Jacobian::Dense(h),
+            h: Jacobian::Antenna(self.antenna.rows(&offset, &motion, &c_b_n, lower)),
             r: SVector::from([r.x, r.y, r.z, v.x, v.y, v.z]),
             interval: self.position.interval(),
         }

@@ -110,6 +110,12 @@ impl Velocity {
         let motion = self.antenna.motion(nav, c_b_n);
         self.antenna.velocity_rows::<M, ROW>(&motion, c_b_n, h);
         self.accuracy.decorrelate_rows::<M, ROW>(h);
+        self.innovation_at(nav, &motion)
+    }
+
+    /// The innovation with the antenna moving at `motion` against the IMU, the correlations taken out.
+    #[inline(always)]
+    pub(super) fn innovation_at(&self, nav: &NavState, motion: &Vector3<f32>) -> Vector3<f32> {
         self.accuracy.decorrelated(&(self.difference(nav) - motion))
     }
 

@@ -39,8 +39,8 @@ impl<const M: usize> Information<f32, M, 15> {
                 }
                 Observation::Direct { first: *first }
             }
-            Jacobian::Dense(h) => {
-                let mut h = *h;
+            h => {
+                let mut h = h.dense();
                 for (mut column, sigma) in h.column_iter_mut().zip(sigma0) {
                     column *= *sigma;
                 }
