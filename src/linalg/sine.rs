@@ -10,7 +10,7 @@ const LARGEST: f32 = 1e8;
 ///
 /// Source: FreeBSD's `k_sinf` and `k_cosf` (error below 2⁻³⁷ and 2⁻³⁴), π/2 in 25 + 53 bits.
 #[inline(never)]
-pub fn sin_cos(x: f32) -> (f32, f32) {
+pub(crate) fn sin_cos(x: f32) -> (f32, f32) {
     const ROUND: f64 = 1.5 / f64::EPSILON;
     const PIO2_HIGH: f64 = 1.570_796_310_901_641_8;
     const PIO2_LOW: f64 = 1.589_325_477_352_819_6e-8;
