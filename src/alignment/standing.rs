@@ -8,7 +8,8 @@
 //! keeps the window as K sums of one interval each (28 bytes a sum: 1.7 KiB for a minute of 1 s) and starts the filter at
 //! the *first* sample of the window. It then lives through the window faster than time passes, in steps of
 //! [`Settings::propagation_interval`], four times the length of a sample in each call and at least one step; after a third of
-//! the window's length or less it has caught up. No call costs more than a propagation and an update.
+//! the window's length or less it has caught up. No call costs more than a propagation and an update, the first updates of an
+//! alignment being the dear ones (double words, [`crate::covariance`]).
 //!
 //! What the samples say must not count twice. So the filter starts from the attitude of the window, which only says where
 //! to linearise, and not with its σ: the standard deviations are those of the prior and at least [`WIDER`] times the scatter.

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::LabError;
 use crate::input::rest;
-use crate::report::{digits, Chart, Page, Scale, Series, Table};
+use crate::report::{digits, Band, Chart, Page, Scale, Series, Table};
 use crate::stationary::{each, mems};
 
 /// Flags of the command.
@@ -206,7 +206,7 @@ fn page(table: &Table, course: &[(f64, f64)], curve: &[Point], limit: f64, compa
         .map(|(title, color, points)| {
             Chart {
                 x_label: "limit of the scatter, power of ten".into(),
-                band: Some(limit.log10() - 0.02..limit.log10() + 0.02),
+                bands: vec![Band::plain(limit.log10() - 0.02..limit.log10() + 0.02)],
                 size: (520, 260),
                 ..Chart::new(title, Scale::Linear, vec![line(color, points)])
             }
