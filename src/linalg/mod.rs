@@ -1,7 +1,6 @@
 //! Scalars, two-word sums and the small 3-vector algebra that every room uses.
 //!
-//! Square roots and trigonometry go to `libm` by name on host and target alike, so that both give the same bits; sine
-//! and cosine are here.
+//! Square roots and trigonometry go to `libm` by name on host and target alike, so that both give the same bits.
 
 use core::hint::black_box;
 use core::sync::atomic::{compiler_fence, Ordering};
