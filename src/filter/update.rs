@@ -1,0 +1,307 @@
+//! What a measurement does to the filter: refused, gated, or used for estimate and covariance.
+//!
+//! The kind of its rows decides which kernel of the covariance takes it.
+
+use super::{Filter, UpdateReport};
+use crate::covariance::{each_row, Covariance15, Lines, Pattern, Slots};
+use crate::error::Error;
+use crate::error_model::{N, POS, VEL};
+use crate::linalg::Real;
+use crate::measurement::{AntennaRows, Jacobian, Linearized};
+
+/// Largest |ν| [unit of z] and |h| that a measurement may hold: far beyond any sensor, and small enough for the squares
+/// and products of the update to stay inside f32.
+pub(super) const MAX_MAGNITUDE: f32 = 1e9;
+/// Largest noise variance that a measurement may hold: a standard deviation of the same size.
+const MAX_VARIANCE: f32 = MAX_MAGNITUDE * MAX_MAGNITUDE;
+
+/// The state that a height measures.
+const HEIGHT: usize = POS + 2;
+
+impl Filter {
+    /// Uses one measurement of M rows: gates it, corrects the nominal state, and reports what happened.
+    ///
+    /// Rows beyond their gate are reported and not used.
+    ///
+    /// Errors: [`Error::NonFinite`] and [`Error::OutOfRange`] for a measurement that cannot be, the filter then bit for
+    /// bit as it was. [`Error::OutOfRange`] and [`Error::Polar`] for a correction that the nominal state does not accept,
+    /// [`Error::InnovationVariance`] and [`Error::Variance`] when the covariance itself is broken, which a reset must
+    /// answer: estimate and covariance are then those of the present, without this measurement.
+    #[inline(always)]
+    pub fn update<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+    ) -> Result<UpdateReport<M>, Error> {
+        let mut report = UpdateReport::empty();
+        self.update_into(measurement, &mut report)?;
+        Ok(report)
+    }
+
+    /// As [`Filter::update`], with the report written where the caller has room for it: a copy and its stack less. After
+    /// an error the report may hold anything.
+    ///
+    /// Errors: those of [`Filter::update`].
+    #[inline(always)]
+    pub fn update_into<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        self.update_gated(measurement, self.settings.gate, report)
+    }
+
+    /// As [`Filter::update_into`] with this gate.
+    ///
+    /// The kind of the rows is looked at where the measurement was linearised: of a program that only has velocities
+    /// nothing else is linked.
+    #[inline(always)]
+    pub(super) fn update_gated<const M: usize>(
+        &mut self,
+        measurement: &Linearized<M>,
+        gate: Option<f32>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        let mut given = Given {
+            nu: measurement.nu.data.0[0],
+            r: measurement.r.data.0[0],
+            interval: measurement.interval,
+            gate,
+        };
+        match &measurement.h {
+            Jacobian::Direct { first: HEIGHT } if M == 1 => {
+                self.update_states::<M, HEIGHT>(&mut given, report)
+            }
+            Jacobian::Direct { first: VEL } if M == 3 => {
+                self.update_states::<M, VEL>(&mut given, report)
+            }
+            Jacobian::Antenna(rows) if M == 6 => self.update_antenna(&mut given, rows, report),
+            Jacobian::Antenna(rows) => {
+                let h = Jacobian::Dense(rows.dense());
+                self.update_any(&mut given, &h, report)
+            }
+            h => self.update_any(&mut given, h, report),
+        }
+    }
+
+    /// The six rows of position and velocity of an antenna; M is 6.
+    #[inline(never)]
+    fn update_antenna<const M: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        rows: &AntennaRows,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
+        if !rows.within(MAX_MAGNITUDE) {
+            return Err(Error::OutOfRange);
+        }
+        let mut unit = [1.0; M];
+        each_row!(m; unit[m] = self.sigma0[POS + m]);
+        given.scale(&unit, report)?;
+        self.synchronize();
+        let lines = Lines {
+            nu: &given.nu,
+            r: &given.r,
+            gate: given.gate,
+            h: Pattern::Direct { first: POS },
+        };
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
+        let mut slots = report.slots();
+        let p = &mut self.covariance;
+        let considered = u32::from(self.considered);
+        let six = rows.in_units(sigma0);
+        if considered != 0 || !p.update_six(&six, &lines, &mut slots, &mut accept)? {
+            update_in_full(p, rows, sigma0, &lines, considered, &mut slots, &mut accept)?;
+        }
+        each_row!(m; {
+            let unit = self.sigma0[POS + m];
+            report.s[m] *= unit * unit;
+        });
+        report.normalised = self.normalised;
+        report.interval = given.interval;
+        Ok(())
+    }
+
+    /// Rows that are −1 on the states from FIRST on.
+    #[inline(never)]
+    fn update_states<const M: usize, const FIRST: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
+        let mut unit = [1.0; M];
+        each_row!(m; unit[m] = self.sigma0[FIRST + m]);
+        given.scale(&unit, report)?;
+        self.synchronize();
+        let lines = Lines {
+            nu: &given.nu,
+            r: &given.r,
+            gate: given.gate,
+            h: Pattern::Direct { first: FIRST },
+        };
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
+        let mut slots = report.slots();
+        let considered = u32::from(self.considered);
+        self.covariance
+            .update_states::<M, FIRST>(&lines, considered, &mut slots, &mut accept)?;
+        each_row!(m; {
+            let unit = self.sigma0[FIRST + m];
+            report.s[m] *= unit * unit;
+        });
+        report.normalised = self.normalised;
+        report.interval = given.interval;
+        Ok(())
+    }
+
+    /// Rows of any kind.
+    #[inline(never)]
+    fn update_any<const M: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        h: &Jacobian<M>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
+        check_rows(h)?;
+        let mut unit = [1.0; M];
+        if let Jacobian::Direct { first } = h {
+            for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
+                *u = sigma;
+            }
+        }
+        given.scale(&unit, report)?;
+        self.synchronize();
+        let lines = Lines {
+            nu: &given.nu,
+            r: &given.r,
+            gate: given.gate,
+            h: match h {
+                Jacobian::Direct { first } => Pattern::Direct { first: *first },
+                Jacobian::Dense(h) => Pattern::Dense {
+                    h,
+                    unit: &self.sigma0,
+                },
+                Jacobian::Antenna(_) => return Err(Error::OutOfRange), // never: made dense by the caller
+            },
+        };
+        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
+        let mut slots = report.slots();
+        let considered = u32::from(self.considered);
+        self.covariance
+            .update_any(&lines, considered, &mut slots, &mut accept)?;
+        each_row!(m; report.s[m] *= unit[m] * unit[m]);
+        report.normalised = self.normalised;
+        report.interval = given.interval;
+        Ok(())
+    }
+}
+
+/// The careful update by the rows of an antenna in full, each in the unit of the state it is −1 on.
+#[cold]
+#[inline(never)]
+fn update_in_full<const M: usize>(
+    p: &mut Covariance15<f32>,
+    rows: &AntennaRows,
+    sigma0: &[f32; N],
+    lines: &Lines<'_, f32, M, N>,
+    considered: u32,
+    out: &mut Slots<'_, f32, M, N>,
+    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut h = rows.dense::<M>();
+    for (mut row, unit) in h.row_iter_mut().zip(sigma0.iter().skip(POS)) {
+        row /= *unit;
+    }
+    p.update_dense_carefully(lines, &h, sigma0, considered, out, accept)
+}
+
+/// The numbers of a measurement, without its rows.
+struct Given<const M: usize> {
+    nu: [f32; M],
+    r: [f32; M],
+    interval: f32,
+    gate: Option<f32>,
+}
+
+impl<const M: usize> Given<M> {
+    /// Refuses what no sensor can have sent.
+    #[inline(always)]
+    fn check(&self) -> Result<(), Error> {
+        let mut good = self.interval.finite();
+        each_row!(m; {
+            good &= self.nu[m].abs() <= MAX_MAGNITUDE;
+            good &= (f32::MIN_POSITIVE..=MAX_VARIANCE).contains(&self.r[m]);
+        });
+        if good {
+            Ok(())
+        } else {
+            Err(refused(self.interval, &self.nu, &self.r))
+        }
+    }
+
+    /// Innovations and variances to the unit of each row, and the innovations as they are into the report.
+    #[inline(always)]
+    fn scale(&mut self, unit: &[f32; M], report: &mut UpdateReport<M>) -> Result<(), Error> {
+        let mut sum = 0.0;
+        each_row!(m; {
+            report.nu[m] = self.nu[m];
+            self.nu[m] /= unit[m];
+            self.r[m] /= unit[m] * unit[m];
+            sum += (self.nu[m] + self.r[m]) * 0.0; // NaN where one is not finite
+        });
+        if sum.finite() {
+            Ok(())
+        } else {
+            Err(Error::OutOfRange)
+        }
+    }
+}
+
+/// Why a measurement is refused that is not as it should be.
+#[cold]
+#[inline(never)]
+fn refused(interval: f32, nu: &[f32], r: &[f32]) -> Error {
+    if !interval.finite() {
+        return Error::NonFinite;
+    }
+    let nu = nu.iter().map(|x| within(*x, -MAX_MAGNITUDE, MAX_MAGNITUDE));
+    let r = r
+        .iter()
+        .map(|x| within(*x, f32::MIN_POSITIVE, MAX_VARIANCE));
+    nu.chain(r)
+        .find_map(Result::err)
+        .unwrap_or(Error::OutOfRange)
+}
+
+/// Refuses rows that no measurement can have.
+fn check_rows<const M: usize>(h: &Jacobian<M>) -> Result<(), Error> {
+    match h {
+        Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),
+        Jacobian::Direct { .. } | Jacobian::Antenna(_) => Ok(()),
+        Jacobian::Dense(h) => {
+            // at a glance; written as what is good: a NaN fails
+            let columns = h.data.0.as_flattened().iter();
+            let size = columns.fold(0.0, |sum: f32, h| sum + h.abs());
+            if size <= MAX_MAGNITUDE {
+                return Ok(());
+            }
+            h.iter()
+                .try_for_each(|&h| within(h, -MAX_MAGNITUDE, MAX_MAGNITUDE))
+        }
+    }
+}
+
+/// Refuses numbers outside `low` … `high`.
+fn within(x: f32, low: f32, high: f32) -> Result<(), Error> {
+    if !x.finite() {
+        Err(Error::NonFinite)
+    } else if (low..=high).contains(&x) {
+        Ok(())
+    } else {
+        Err(Error::OutOfRange)
+    }
+}
