@@ -5,8 +5,8 @@
 //! "turning by 180° now gives heading 0.024° in 300 s, staying gives 0.098°".
 //!
 //! It costs a propagation and an update per second and candidate: in slices of as many steps as the caller has time for
-//! ([`Planner::step`]), or of a part of one ([`Planner::slice`]): transition, propagation, update, result. The dearest slice
-//! is the propagation, 3,544 instructions on the M4F, which is one kernel and is not cut; the others stay below it.
+//! ([`Planner::step`]), or of a part of one ([`Planner::slice`]): transition, propagation in two halves, update, result. The
+//! dearest slice stays below 3,000 instructions on a Cortex-M4F (`BENCHMARKS.md`).
 //! Standing needs steps of a second only: the first-order transition loses terms of T/2 against the time constants of
 //! what is learnt, a shift of half a second in three hundred. Turns are cut into steps of [`MAX_ANGLE`]. Updates are made
 //! once per step with the information of the updates due in it (R T/dt), none while the vehicle moves unless a velocity is
@@ -171,7 +171,10 @@ enum Part {
     /// The candidate is put at the start.
     Begin,
     Transition,
+    /// Rows of position and velocity.
     Propagation,
+    /// Rows of attitude and biases.
+    Rest,
     Update,
     /// The candidate is through.
     Result,
@@ -299,7 +302,11 @@ impl<const K: usize> Planner<K> {
                 Part::Propagation
             }
             Part::Propagation => {
-                self.p.propagate_blocks(&self.transition);
+                self.p.propagate_motion(&self.transition);
+                Part::Rest
+            }
+            Part::Rest => {
+                self.p.propagate_rest(&self.transition);
                 Part::Update
             }
             Part::Update => {

@@ -192,6 +192,13 @@ impl<T: Real> Covariance15<T> {
 
     /// As [`Covariance15::propagate`], for a transition of the pattern of [`BlockTransition`].
     pub fn propagate_blocks(&mut self, t: &BlockTransition<T>) {
+        self.propagate_motion(t);
+        self.propagate_rest(t);
+    }
+
+    /// The rows of position and velocity: the first part of [`Covariance15::propagate_blocks`], for who must stop halfway.
+    #[inline(never)]
+    pub(crate) fn propagate_motion(&mut self, t: &BlockTransition<T>) {
         let mut room = [const { [const { MaybeUninit::uninit() }; 3] }; 10];
         // seen from outside, so that it is memory and not three dozen registers
         let [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9] = black_box(&mut room);
@@ -234,7 +241,13 @@ impl<T: Real> Covariance15<T> {
             noise::<T, 0, I>(&mut d, &t.q);
             self.add::<1, 1, I>(d);
         });
-        let [r0, r1, r2, ..] = black_box(&mut room);
+    }
+
+    /// The rows of attitude and biases: the second part, which reads nothing that the first has written.
+    #[inline(never)]
+    pub(crate) fn propagate_rest(&mut self, t: &BlockTransition<T>) {
+        let mut room = [const { [const { MaybeUninit::uninit() }; 3] }; 3];
+        let [r0, r1, r2] = black_box(&mut room);
         let b22 = self.row_2::<2>(t, r0);
         let b23 = self.row_2::<3>(t, r1);
         let b24 = self.row_2::<4>(t, r2);
