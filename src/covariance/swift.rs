@@ -97,13 +97,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES {
             return Ok(false);
         }
-        let mut work = Work::new();
-        if !self.form_any(rows, out, &mut work) {
-            return Ok(false);
-        }
-        accept(out.dx)?;
-        self.sweep::<M, NONE>(&work, None);
-        Ok(true)
+        self.update_formed(out, accept, |p, out, work| p.form_any(rows, out, work))
     }
 
     /// The same of the six rows of [`Six`].
@@ -118,8 +112,19 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES || M != 6 {
             return Ok(false);
         }
+        self.update_formed(out, accept, |p, out, work| p.form_six(six, rows, out, work))
+    }
+
+    /// The same of rows that measure no state by itself, whose panel `form` makes.
+    #[inline(always)]
+    fn update_formed<const M: usize>(
+        &mut self,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+        form: impl FnOnce(&Self, &mut Slots<'_, T, M, N>, &mut Work<T, M, N>) -> bool,
+    ) -> Result<bool, Error> {
         let mut work = Work::new();
-        if !self.form_six(six, rows, out, &mut work) {
+        if !form(self, out, &mut work) {
             return Ok(false);
         }
         accept(out.dx)?;

@@ -95,32 +95,19 @@ impl Filter {
         if !rows.within(MAX_MAGNITUDE) {
             return Err(Error::OutOfRange);
         }
-        let mut unit = [1.0; M];
-        each_row!(m; unit[m] = self.sigma0[POS + m]);
-        given.scale(&unit, report)?;
-        self.synchronize();
-        let lines = Lines {
-            nu: &given.nu,
-            r: &given.r,
-            gate: given.gate,
-            h: Pattern::Direct { first: POS },
-        };
-        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
-        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
-        let mut slots = report.slots();
-        let p = &mut self.covariance;
-        let considered = u32::from(self.considered);
-        let six = rows.in_units(sigma0);
-        if considered != 0 || !p.update_six(&six, &lines, &mut slots, &mut accept)? {
-            update_in_full(p, rows, sigma0, &lines, considered, &mut slots, &mut accept)?;
-        }
-        each_row!(m; {
-            let unit = self.sigma0[POS + m];
-            report.s[m] *= unit * unit;
-        });
-        report.normalised = self.normalised;
-        report.interval = given.interval;
-        Ok(())
+        self.update_by(
+            given,
+            report,
+            units_from::<M, POS>,
+            |p, job, out, accept| {
+                let six = rows.in_units(job.sigma0);
+                let lines = job.lines(Pattern::Direct { first: POS });
+                if job.considered == 0 && p.update_six(&six, &lines, out, accept)? {
+                    return Ok(());
+                }
+                update_in_full(p, rows, job.sigma0, &lines, job.considered, out, accept)
+            },
+        )
     }
 
     /// Rows that are −1 on the states from FIRST on.
@@ -131,29 +118,15 @@ impl Filter {
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         given.check()?;
-        let mut unit = [1.0; M];
-        each_row!(m; unit[m] = self.sigma0[FIRST + m]);
-        given.scale(&unit, report)?;
-        self.synchronize();
-        let lines = Lines {
-            nu: &given.nu,
-            r: &given.r,
-            gate: given.gate,
-            h: Pattern::Direct { first: FIRST },
-        };
-        let (nav, sigma0) = (&mut self.nav, &self.sigma0);
-        let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
-        let mut slots = report.slots();
-        let considered = u32::from(self.considered);
-        self.covariance
-            .update_states::<M, FIRST>(&lines, considered, &mut slots, &mut accept)?;
-        each_row!(m; {
-            let unit = self.sigma0[FIRST + m];
-            report.s[m] *= unit * unit;
-        });
-        report.normalised = self.normalised;
-        report.interval = given.interval;
-        Ok(())
+        self.update_by(
+            given,
+            report,
+            units_from::<M, FIRST>,
+            |p, job, out, accept| {
+                let lines = job.lines(Pattern::Direct { first: FIRST });
+                p.update_states::<M, FIRST>(&lines, job.considered, out, accept)
+            },
+        )
     }
 
     /// Rows of any kind.
@@ -166,37 +139,87 @@ impl Filter {
     ) -> Result<(), Error> {
         given.check()?;
         check_rows(h)?;
-        let mut unit = [1.0; M];
-        if let Jacobian::Direct { first } = h {
-            for (u, &sigma) in unit.iter_mut().zip(self.sigma0.iter().skip(*first)) {
-                *u = sigma;
+        let unit = |sigma0: &[f32; N]| {
+            let mut unit = [1.0; M];
+            if let Jacobian::Direct { first } = h {
+                for (u, &sigma) in unit.iter_mut().zip(sigma0.iter().skip(*first)) {
+                    *u = sigma;
+                }
             }
-        }
-        given.scale(&unit, report)?;
-        self.synchronize();
-        let lines = Lines {
-            nu: &given.nu,
-            r: &given.r,
-            gate: given.gate,
-            h: match h {
+            unit
+        };
+        self.update_by(given, report, unit, |p, job, out, accept| {
+            let lines = job.lines(match h {
                 Jacobian::Direct { first } => Pattern::Direct { first: *first },
                 Jacobian::Dense(h) => Pattern::Dense {
                     h,
-                    unit: &self.sigma0,
+                    unit: job.sigma0,
                 },
                 Jacobian::Antenna(_) => return Err(Error::OutOfRange), // never: made dense by the caller
-            },
-        };
+            });
+            p.update_any(&lines, job.considered, out, accept)
+        })
+    }
+
+    /// What stands around every kernel: the numbers go to the units of their rows, the covariance comes up to the time of
+    /// the measurement, `kernel` works on it, and the report is completed. `unit`: of each row, from those of the states.
+    #[inline(always)]
+    fn update_by<const M: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        report: &mut UpdateReport<M>,
+        unit: impl Fn(&[f32; N]) -> [f32; M],
+        kernel: impl FnOnce(
+            &mut Covariance15<f32>,
+            &Job<'_, M>,
+            &mut Slots<'_, f32, M, N>,
+            &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+        ) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        given.scale(&unit(&self.sigma0), report)?;
+        self.synchronize();
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
+        let job = Job {
+            given,
+            sigma0,
+            considered: u32::from(self.considered),
+        };
         let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
-        let mut slots = report.slots();
-        let considered = u32::from(self.considered);
-        self.covariance
-            .update_any(&lines, considered, &mut slots, &mut accept)?;
+        kernel(&mut self.covariance, &job, &mut report.slots(), &mut accept)?;
+        // formed again: kept, it would lie below the kernel
+        let unit = unit(&self.sigma0);
         each_row!(m; report.s[m] *= unit[m] * unit[m]);
         report.normalised = self.normalised;
         report.interval = given.interval;
         Ok(())
+    }
+}
+
+/// Units of rows that measure the states from FIRST on.
+#[inline(always)]
+fn units_from<const M: usize, const FIRST: usize>(sigma0: &[f32; N]) -> [f32; M] {
+    let mut unit = [1.0; M];
+    each_row!(m; unit[m] = sigma0[FIRST + m]);
+    unit
+}
+
+/// What a kernel needs of a measurement and of the filter.
+struct Job<'a, const M: usize> {
+    /// In the units of the rows.
+    given: &'a Given<M>,
+    sigma0: &'a [f32; N],
+    considered: u32,
+}
+
+impl<const M: usize> Job<'_, M> {
+    #[inline(always)]
+    fn lines<'a>(&'a self, h: Pattern<'a, f32, M, N>) -> Lines<'a, f32, M, N> {
+        Lines {
+            nu: &self.given.nu,
+            r: &self.given.r,
+            gate: self.given.gate,
+            h,
+        }
     }
 }
 
