@@ -14,8 +14,8 @@
 //!
 //! Source: the inertial-frame method (Titterton & Weston 2004, 10.4.3); fit and its covariance derived here.
 
-use super::inertial::{rotation, InertialFrame};
-use crate::attitude::{rotation_minus_one, Euler};
+use super::inertial::{rotation_by, InertialFrame};
+use crate::attitude::Euler;
 use crate::earth::{normal_gravity, omega_ie_n, Geodetic, MAX_LATITUDE};
 use crate::error::Error;
 use crate::imu::{ImuIncrement, ImuLimits};
@@ -149,8 +149,7 @@ impl CoarseAlignment {
     /// counted how the body turned between, and the level frame has turned with the earth.
     pub fn at_start(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
         let omega = omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat));
-        let [w, x, y, z] = rotation_minus_one(&(omega * self.time.hi));
-        rotation([1.0 + w, x, y, z]) * c_b_n * self.frame.c_b_b0().transpose()
+        rotation_by(&(omega * self.time.hi)) * c_b_n * self.frame.c_b_b0().transpose()
     }
 
     /// Fits the window.
@@ -222,9 +221,8 @@ impl CoarseAlignment {
         let c_middle = Matrix3::from_rows(&[east.transpose(), north.transpose(), up.transpose()]);
         let omega = omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat));
         let late = (self.time.hi / samples) * self.since_point as f32;
-        let [w, x, y, z] = rotation_minus_one(&(omega * -(half + late)));
         Ok(CoarseSolution {
-            c_b_n: rotation([1.0 + w, x, y, z]) * c_middle * self.frame.c_b_b0(),
+            c_b_n: rotation_by(&(omega * -(half + late))) * c_middle * self.frame.c_b_b0(),
             sigma_heading: (sigma_turn / expected).min(UNKNOWN_HEADING),
             sigma_level,
             motion: libm::sqrtf(scatter.max(var * spacing)),

@@ -18,8 +18,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::inertial::{rotation, InertialFrame};
-use crate::attitude::{rotation_minus_one, Enu, Euler};
+use super::inertial::{rotation_by, InertialFrame};
+use crate::attitude::{Enu, Euler};
 use crate::error::Error;
 use crate::filter::ring::Ring;
 use crate::imu::{ImuIncrement, ImuLimits};
@@ -237,7 +237,7 @@ impl<const K: usize> InMotion<K> {
         if !(length > 0.0 && length.is_finite()) {
             return Err(Error::OutOfRange);
         }
-        c = turn(&(b * libm::atan2f(sin, cos))) * c;
+        c = rotation_by(&(b * libm::atan2f(sin, cos))) * c;
         // and what is left of both.
         let mut inverse = Matrix3::zeros();
         let mut step = Vector3::zeros();
@@ -246,7 +246,7 @@ impl<const K: usize> InMotion<K> {
             let normal = Matrix3::from_diagonal_element(a_n.trace()) - a_n;
             inverse = normal.try_inverse().ok_or(Error::OutOfRange)?;
             step = inverse * vee(&(self.ba * c.transpose()));
-            c = turn(&step) * c;
+            c = rotation_by(&step) * c;
         }
         let rest = step.norm_squared();
         if rest.is_nan() || rest > 1e-6 {
@@ -306,10 +306,4 @@ fn shortest(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
 fn shortest_narrow(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
     let k = skew(&a.cross(b));
     Matrix3::identity() + k + k * k * (1.0 / (1.0 + a.dot(b)))
-}
-
-/// exp([φ×])
-fn turn(phi: &Vector3<f32>) -> Matrix3<f32> {
-    let [w, x, y, z] = rotation_minus_one(phi);
-    rotation([1.0 + w, x, y, z])
 }

@@ -71,7 +71,13 @@ impl InertialFrame {
 }
 
 /// Rotation matrix of a quaternion of nearly unit length.
-pub(super) fn rotation(q: [f32; 4]) -> Matrix3<f32> {
+fn rotation(q: [f32; 4]) -> Matrix3<f32> {
     let norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     c_b_n_scaled(q, 2.0 / norm2)
+}
+
+/// exp([φ×])
+pub(super) fn rotation_by(phi: &Vector3<f32>) -> Matrix3<f32> {
+    let [w, x, y, z] = rotation_minus_one(phi);
+    rotation([1.0 + w, x, y, z])
 }
