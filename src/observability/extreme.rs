@@ -11,7 +11,9 @@
 //! how near the top is. For correlated priors and for η1 there is [`super::spectrum`].
 
 use super::diagonal::check_variances;
-use super::triangle::{at, copy_rows, dot, factor_column, pivot, rows, solve, solve_transposed};
+use super::triangle::{
+    at, copy_rows, dot, factor_column, oriented, pivot, rows, select, solve, solve_transposed,
+};
 use crate::covariance::Covariance;
 use crate::error::Error;
 use crate::linalg::Real;
@@ -117,13 +119,7 @@ impl<T: Real, const N: usize, const L: usize> Extremes<T, N, L> {
     /// Copies the rows of the states that have a prior.
     fn take(&mut self, p: &Covariance<T, N, L>, normalised: u32) -> Result<(), Error> {
         check_variances(&p.diagonal(), normalised)?;
-        self.n = 0;
-        for state in (0..N).filter(|state| normalised & (1 << state) != 0) {
-            if let Some(to) = self.order.get_mut(self.n) {
-                *to = state as u8;
-                self.n += 1;
-            }
-        }
+        self.n = select(&mut self.order, normalised);
         copy_rows(&mut self.a, p.words().0, &self.order, self.n);
         Ok(())
     }
@@ -216,22 +212,9 @@ impl<T: Real, const N: usize, const L: usize> Extremes<T, N, L> {
             let scale = T::one() / dot(&x, &x).root();
             (x, ax) = (x.map(|x| x * scale), ax.map(|x| x * scale));
         };
-        let largest = x
-            .iter()
-            .fold(T::zero(), |m, x| if x.abs() > m.abs() { *x } else { m });
-        let sign = match largest < T::zero() {
-            true => -T::one(),
-            false => T::one(),
-        };
-        let mut vector = [T::zero(); N];
-        for (x, state) in x.iter().zip(&self.order).take(self.n) {
-            if let Some(to) = vector.get_mut(usize::from(*state)) {
-                *to = *x * sign;
-            }
-        }
         Ok(Some(End {
             eta2: rho,
-            vector,
+            vector: oriented(&x, &self.order, self.n),
             residual,
         }))
     }

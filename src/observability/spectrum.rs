@@ -22,7 +22,7 @@
 
 use super::jacobi::GAP;
 use super::riccati::DecreaseRate;
-use super::triangle::{copy_rows, dot, rows, solve_transposed};
+use super::triangle::{copy_rows, dot, oriented, rows, select, solve_transposed};
 use crate::covariance::Covariance;
 use crate::error::Error;
 use crate::linalg::Real;
@@ -202,16 +202,8 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
     /// Copies the rows of the states that have a prior.
     fn take(&mut self, packed: &[T; L], prior: Prior<'p, T, N, L>, normalised: u32) {
         self.prior = prior;
-        self.n = 0;
         self.sweep = 0;
-        for state in 0..N {
-            if normalised & (1 << state) != 0 {
-                if let Some(to) = self.order.get_mut(self.n) {
-                    *to = state as u8;
-                    self.n += 1;
-                }
-            }
-        }
+        self.n = select(&mut self.order, normalised);
         if self.n == N {
             self.a = *packed;
         } else {
@@ -306,23 +298,9 @@ impl<'p, T: Real, const N: usize, const L: usize, A: Axes<T>> Spectrum<'p, T, N,
                 solve_transposed(&self.b, self.n, &mut u);
             }
         }
-        let largest = u
-            .iter()
-            .fold(T::zero(), |m, x| if x.abs() > m.abs() { *x } else { m });
-        let sign = if largest < T::zero() {
-            -T::one()
-        } else {
-            T::one()
-        };
-        let mut vector = [T::zero(); N];
-        for (u, state) in u.iter().zip(&self.order).take(self.n) {
-            if let Some(to) = vector.get_mut(usize::from(*state)) {
-                *to = *u * sign;
-            }
-        }
         let (first, dimension) = self.group(k);
         Some(Direction {
-            vector,
+            vector: oriented(&u, &self.order, self.n),
             first,
             dimension,
         })

@@ -275,6 +275,37 @@ pub(super) fn solve_transposed<T: Real>(b: &[T], n: usize, x: &mut [T]) {
     }
 }
 
+/// The states whose bit is set, one after the other; how many there are.
+pub(super) fn select<const N: usize>(order: &mut [u8; N], bits: u32) -> usize {
+    let mut n = 0;
+    for state in (0..N).filter(|state| bits & (1 << state) != 0) {
+        if let Some(to) = order.get_mut(n) {
+            *to = state as u8;
+            n += 1;
+        }
+    }
+    n
+}
+
+/// A vector over the first n rows as one over the states, its largest component positive; the other states have 0.
+pub(super) fn oriented<T: Real, const N: usize>(u: &[T; N], order: &[u8; N], n: usize) -> [T; N] {
+    let largest = u
+        .iter()
+        .fold(T::zero(), |m, x| if x.abs() > m.abs() { *x } else { m });
+    let sign = if largest < T::zero() {
+        -T::one()
+    } else {
+        T::one()
+    };
+    let mut vector = [T::zero(); N];
+    for (u, state) in u.iter().zip(order).take(n) {
+        if let Some(to) = vector.get_mut(usize::from(*state)) {
+            *to = *u * sign;
+        }
+    }
+    vector
+}
+
 /// Rows and columns `order` of a packed symmetric matrix.
 pub(super) fn copy_rows<T: Real>(to: &mut [T], from: &[T], order: &[u8], n: usize) {
     let mut to = to.iter_mut();
