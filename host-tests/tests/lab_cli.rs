@@ -3,26 +3,14 @@
 #![cfg(not(target_os = "none"))]
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 mod common;
 
-use common::{lab, lab_json};
+use common::{lab, lab_json, refused};
 
 fn scratch(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("lab_cli");
-    fs::create_dir_all(&folder).unwrap();
-    folder.join(name)
-}
-
-/// The one line of a refusal.
-fn refused(args: &[&str]) -> String {
-    let output = lab(args);
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
-    assert!(output.stdout.is_empty(), "{args:?}");
-    assert_eq!(message.lines().count(), 1, "{args:?}: {message:?}");
-    message
+    common::scratch("lab_cli", name)
 }
 
 /// A file of a sensor that stands still at 40°, pointing east, 50 Hz.

@@ -11,12 +11,10 @@ use navsight::earth::Geodetic;
 use serde_json::Value;
 
 mod common;
-use common::{lab, lab_json};
+use common::{lab, lab_json, refused};
 
 fn scratch(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("lab_flight");
-    fs::create_dir_all(&folder).unwrap();
-    folder.join(name)
+    common::scratch("lab_flight", name)
 }
 
 fn written(name: &str, text: &str) -> String {
@@ -218,16 +216,6 @@ fn the_report_shows_where_and_when() {
     }
     // attitude and σ, track and speed, innovations, ξ2, ν²/s
     assert_eq!(html.matches("<svg").count(), 6 + 2 + 6 + 15 + 1);
-}
-
-/// The one line of a refusal.
-fn refused(args: &[&str]) -> String {
-    let output = lab(args);
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
-    assert!(output.stdout.is_empty(), "{args:?}");
-    assert_eq!(message.lines().count(), 1, "{args:?}: {message:?}");
-    message
 }
 
 #[test]

@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
@@ -40,6 +41,23 @@ pub fn lab_on(command: &[&str], name: &str, text: &str, more: &[&str]) -> Output
     let output = lab(all.chain(more.iter().copied()));
     std::fs::remove_file(path).unwrap();
     output
+}
+
+/// A file of this name in a folder of its own for each test file.
+pub fn scratch(folder: &str, name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    folder.join(name)
+}
+
+/// The one line with which the lab refuses these arguments.
+pub fn refused(arguments: &[&str]) -> String {
+    let output = lab(arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert_eq!(message.lines().count(), 1, "{arguments:?}: {message:?}");
+    message
 }
 
 /// Asserts that bad input ended with 2 and one line that names the line and the field.
