@@ -23,6 +23,13 @@ impl fmt::Display for Second {
     }
 }
 
+/// The timer's value, at 0xe000_e018, into {t}: five instructions, wherever it is read.
+macro_rules! read_timer {
+    () => {
+        "movs {t}, #0xe0\nlsls {t}, {t}, #16\nadds {t}, #0xe0\nlsls {t}, {t}, #8\nldr {t}, [{t}, #0x18]"
+    };
+}
+
 /// Runs `work(state)` between the two marker instructions that the plugin looks for.
 ///
 /// A plain `fn` behind `black_box` keeps the compiler from moving work across the markers. The call and the return
@@ -51,15 +58,11 @@ pub fn region<S, R>(state: &mut S, work: fn(&mut S) -> R) -> (R, Second) {
         );
     }
     let mut before = 0u32;
-    // SAFETY: reads the timer's value at 0xe000_e018 into `before`. 0xbf80 is an unallocated hint, which every Cortex-M
+    // SAFETY: reads the timer into `before`. 0xbf80 is an unallocated hint, which every Cortex-M
     // executes as a no-op; push and pop are balanced and show the plugin where the stack pointer is.
     unsafe {
         asm!(
-            "movs {t}, #0xe0",
-            "lsls {t}, {t}, #16",
-            "adds {t}, #0xe0",
-            "lsls {t}, {t}, #8",
-            "ldr {t}, [{t}, #0x18]",
+            read_timer!(),
             "str {t}, [{before}]",
             "push {{r7}}",
             "pop {{r7}}",
@@ -74,11 +77,7 @@ pub fn region<S, R>(state: &mut S, work: fn(&mut S) -> R) -> (R, Second) {
     unsafe {
         asm!(
             ".inst.n 0xbf90",
-            "movs {t}, #0xe0",
-            "lsls {t}, {t}, #16",
-            "adds {t}, #0xe0",
-            "lsls {t}, {t}, #8",
-            "ldr {t}, [{t}, #0x18]",
+            read_timer!(),
             t = out(reg) after,
         );
     }
