@@ -32,8 +32,7 @@ struct Mutant {
 
 /// Runs those whose file, description or test contains `only`.
 pub fn run(report: &mut Report, only: &str) -> Result<()> {
-    let text = fs::read_to_string(shell::root().join("xtask/mutants.toml"))?;
-    let mut table: Table = toml::from_str(&text).context("xtask/mutants.toml")?;
+    let mut table = table()?;
     table
         .mutant
         .retain(|m| [&m.what, &m.file, &m.test].iter().any(|s| s.contains(only)));
@@ -53,6 +52,11 @@ pub fn run(report: &mut Report, only: &str) -> Result<()> {
         report.check(&name, || copy.finds(mutant));
     }
     Ok(())
+}
+
+fn table() -> Result<Table> {
+    let text = fs::read_to_string(shell::root().join("xtask/mutants.toml"))?;
+    toml::from_str(&text).context("xtask/mutants.toml")
 }
 
 /// The sources beside the sources, with a target directory of their own.
@@ -137,4 +141,18 @@ fn put(path: &Path, bytes: &[u8]) -> Result<()> {
         fs::create_dir_all(folder)?;
     }
     fs::write(path, bytes).with_context(|| path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_mutated_stands_once_in_its_file() {
+        for mutant in table().unwrap().mutant {
+            let text = fs::read_to_string(shell::root().join(&mutant.file)).unwrap();
+            let found = text.matches(&mutant.from).count();
+            assert_eq!(found, 1, "`{}` in {}", mutant.from, mutant.file);
+        }
+    }
 }
