@@ -78,8 +78,7 @@ impl Accuracy {
 
     /// Whether the components are uncorrelated as they are.
     pub fn is_diagonal(&self) -> bool {
-        let [a, b, c] = self.l;
-        a == 0.0 && b == 0.0 && c == 0.0
+        self.l == [0.0; 3]
     }
 
     /// Variance of each row after the correlations are taken out, D.
@@ -94,25 +93,28 @@ impl Accuracy {
 
     /// L⁻¹ times the innovation.
     pub(super) fn decorrelated(&self, nu: &Vector3<f32>) -> Vector3<f32> {
-        let [l10, l20, l21] = self.l;
-        let north = nu.y - l10 * nu.x;
-        Vector3::new(nu.x, north, nu.z - l20 * nu.x - l21 * north)
+        decorrelated(&self.l, nu)
     }
+}
 
-    /// L⁻¹ times three rows, from `ROW` on.
-    #[inline(always)]
-    pub(super) fn decorrelate_rows<const M: usize, const ROW: usize>(
-        &self,
-        h: &mut SMatrix<f32, M, N>,
-    ) {
-        if self.is_diagonal() {
-            return;
-        }
-        let mut rows = h.fixed_view_mut::<3, N>(ROW, 0);
-        for mut column in rows.column_iter_mut() {
-            let row = self.decorrelated(&Vector3::new(column.x, column.y, column.z));
-            column.copy_from(&row);
-        }
+fn decorrelated([l10, l20, l21]: &[f32; 3], nu: &Vector3<f32>) -> Vector3<f32> {
+    let north = nu.y - l10 * nu.x;
+    Vector3::new(nu.x, north, nu.z - l20 * nu.x - l21 * north)
+}
+
+/// L⁻¹ times three rows, from `ROW` on; `lower`: [`Accuracy::lower`].
+#[inline(always)]
+pub(super) fn decorrelate_rows<const M: usize, const ROW: usize>(
+    lower: &[f32; 3],
+    h: &mut SMatrix<f32, M, N>,
+) {
+    if *lower == [0.0; 3] {
+        return;
+    }
+    let mut rows = h.fixed_view_mut::<3, N>(ROW, 0);
+    for mut column in rows.column_iter_mut() {
+        let row = decorrelated(lower, &Vector3::new(column.x, column.y, column.z));
+        column.copy_from(&row);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+use super::accuracy::decorrelate_rows;
 use crate::attitude::Rfu;
 use crate::covariance::Six;
 use crate::error::Error;
@@ -78,7 +79,7 @@ impl Antenna {
         AntennaRows {
             offset: *offset,
             motion: *motion,
-            turned: c_b_n * skew(&self.l),
+            turned: self.turned(c_b_n),
             lower,
         }
     }
@@ -92,17 +93,20 @@ impl Antenna {
         h.fixed_view_mut::<3, 3>(ROW, ATT).copy_from(&-skew(offset));
     }
 
-    /// Rows of the velocity of the antenna from `ROW` on.
+    /// Rows of the velocity of the antenna from `ROW` on; `turned`: [`Antenna::turned`].
     pub(super) fn velocity_rows<const M: usize, const ROW: usize>(
-        &self,
         motion: &Vector3<f32>,
-        c_b_n: &Matrix3<f32>,
+        turned: &Matrix3<f32>,
         h: &mut SMatrix<f32, M, N>,
     ) {
         h.fixed_view_mut::<3, 3>(ROW, VEL).fill_diagonal(-1.0);
         h.fixed_view_mut::<3, 3>(ROW, ATT).copy_from(&-skew(motion));
-        h.fixed_view_mut::<3, 3>(ROW, BG)
-            .copy_from(&(c_b_n * skew(&self.l)));
+        h.fixed_view_mut::<3, 3>(ROW, BG).copy_from(turned);
+    }
+
+    /// C [l×]
+    pub(super) fn turned(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
+        c_b_n * skew(&self.l)
     }
 }
 
@@ -130,18 +134,11 @@ impl AntennaRows {
     /// All elements of the first M rows; further rows, which there are not, are zero.
     pub fn dense<const M: usize>(&self) -> SMatrix<f32, M, N> {
         let mut h = SMatrix::<f32, 6, N>::zeros();
-        h.fixed_view_mut::<6, 6>(0, POS).fill_diagonal(-1.0);
-        let (r, v) = (-skew(&self.offset), -skew(&self.motion));
-        h.fixed_view_mut::<3, 3>(0, ATT).copy_from(&r);
-        h.fixed_view_mut::<3, 3>(3, ATT).copy_from(&v);
-        h.fixed_view_mut::<3, 3>(3, BG).copy_from(&self.turned);
+        Antenna::position_rows::<6, 0>(&self.offset, &mut h);
+        Antenna::velocity_rows::<6, 3>(&self.motion, &self.turned, &mut h);
         let [r, v] = &self.lower;
-        for mut column in h.column_iter_mut() {
-            column.y -= r[0] * column.x;
-            column.z = column.z - r[1] * column.x - r[2] * column.y;
-            column.a -= v[0] * column.w;
-            column.b = column.b - v[1] * column.w - v[2] * column.a;
-        }
+        decorrelate_rows::<6, 0>(r, &mut h);
+        decorrelate_rows::<6, 3>(v, &mut h);
         SMatrix::from_fn(|i, j| h.get((i, j)).copied().unwrap_or(0.0))
     }
 

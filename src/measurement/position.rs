@@ -1,7 +1,8 @@
 //! A measured geodetic position, as satellite receivers give it.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
+use super::accuracy::decorrelate_rows;
 use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::earth::Geodetic;
 use crate::error::Error;
@@ -71,10 +72,12 @@ impl Position {
                 interval: self.interval,
             };
         }
+        let offset = self.antenna.offset(&nav.c_b_n());
         let mut h = SMatrix::<f32, 3, N>::zeros();
-        let nu = self.innovation::<3, 0>(nav, &nav.c_b_n(), &mut h);
+        Antenna::position_rows::<3, 0>(&offset, &mut h);
+        decorrelate_rows::<3, 0>(&self.accuracy.lower(), &mut h);
         Linearized {
-            nu,
+            nu: self.innovation_at(nav, &offset),
             h: Jacobian::Dense(h),
             r,
             interval: self.interval,
@@ -84,20 +87,6 @@ impl Position {
     /// The first two rows: a fix whose height is not used.
     pub fn linearize_horizontal(&self, nav: &NavState) -> Linearized<2> {
         self.linearize(nav).horizontal()
-    }
-
-    /// Innovation and rows, from `ROW` on, with everything in it, the correlations taken out.
-    #[inline(always)]
-    pub(super) fn innovation<const M: usize, const ROW: usize>(
-        &self,
-        nav: &NavState,
-        c_b_n: &Matrix3<f32>,
-        h: &mut SMatrix<f32, M, N>,
-    ) -> SVector<f32, 3> {
-        let offset = self.antenna.offset(c_b_n);
-        Antenna::position_rows::<M, ROW>(&offset, h);
-        self.accuracy.decorrelate_rows::<M, ROW>(h);
-        self.innovation_at(nav, &offset)
     }
 
     /// The innovation with the antenna at `offset`, the correlations taken out.

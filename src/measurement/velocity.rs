@@ -1,7 +1,8 @@
 //! A measured velocity over the ground, as satellite receivers give it.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
+use super::accuracy::decorrelate_rows;
 use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::attitude::Enu;
 use crate::error::Error;
@@ -84,10 +85,13 @@ impl Velocity {
                 interval: self.interval,
             };
         }
+        let c_b_n = nav.c_b_n();
+        let motion = self.antenna.motion(nav, &c_b_n);
         let mut h = SMatrix::<f32, 3, N>::zeros();
-        let nu = self.innovation::<3, 0>(nav, &nav.c_b_n(), &mut h);
+        Antenna::velocity_rows::<3, 0>(&motion, &self.antenna.turned(&c_b_n), &mut h);
+        decorrelate_rows::<3, 0>(&self.accuracy.lower(), &mut h);
         Linearized {
-            nu,
+            nu: self.innovation_at(nav, &motion),
             h: Jacobian::Dense(h),
             r,
             interval: self.interval,
@@ -97,20 +101,6 @@ impl Velocity {
     /// The first two rows: a velocity whose vertical component is not used.
     pub fn linearize_horizontal(&self, nav: &NavState) -> Linearized<2> {
         self.linearize(nav).horizontal()
-    }
-
-    /// Innovation and rows, from `ROW` on, with everything in it, the correlations taken out.
-    #[inline(always)]
-    pub(super) fn innovation<const M: usize, const ROW: usize>(
-        &self,
-        nav: &NavState,
-        c_b_n: &Matrix3<f32>,
-        h: &mut SMatrix<f32, M, N>,
-    ) -> SVector<f32, 3> {
-        let motion = self.antenna.motion(nav, c_b_n);
-        self.antenna.velocity_rows::<M, ROW>(&motion, c_b_n, h);
-        self.accuracy.decorrelate_rows::<M, ROW>(h);
-        self.innovation_at(nav, &motion)
     }
 
     /// The innovation with the antenna moving at `motion` against the IMU, the correlations taken out.
