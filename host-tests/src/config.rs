@@ -32,11 +32,11 @@
 //! position_m = 2
 //! height_m = 4
 //! velocity_m_s = 0.1
-//! latency_s = 0.25              # the rest of this part with --in-motion: how old a fix is when its line comes,
-//! lever_arm_m = [0.2, 0, 0.9]   # from the IMU to the antenna: right, forward, up,
-//! lock_out_s = 5                # and refused for so long the filter is reset to it
+//! latency_s = 0.25              # how old a fix is when its line comes
+//! lever_arm_m = [0.2, 0, 0.9]   # from the IMU to the antenna: right, forward, up
+//! lock_out_s = 5                # refused for so long the filter is reset to it
 //!
-//! [wheels]                      # with --in-motion: a vehicle that moves neither sideways nor upwards; left out: it may
+//! [wheels]                      # a vehicle that moves neither sideways nor upwards; left out: it may
 //! axle_m = [0, -1.2, -0.5]      # from the IMU to the axle that is not steered
 //! boresight_deg = [1.5, 0, 0]   # how the vehicle stands to the IMU: heading, pitch, roll
 //! sideways_m_s = 0.1
@@ -67,6 +67,10 @@ use serde::Deserialize;
 
 use crate::flight::Setup;
 use crate::lab::LabError;
+
+mod number;
+
+pub use number::check_latency;
 
 /// One degree per hour [rad/s].
 pub const DEG_PER_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
@@ -102,16 +106,22 @@ pub struct Config {
 #[serde(default, deny_unknown_fields)]
 pub struct Required {
     /// [m]
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub position_m: Option<f64>,
     /// [m/s]
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub velocity_m_s: Option<f64>,
     /// Tilt [°].
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub level_deg: Option<f64>,
     /// Heading [°].
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub heading_deg: Option<f64>,
     /// [°/h]
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub gyro_bias_deg_h: Option<f64>,
     /// [µg]
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub accel_bias_ug: Option<f64>,
 }
 
@@ -136,20 +146,28 @@ impl Required {
 #[serde(default, deny_unknown_fields)]
 pub struct Sensor {
     /// Gyro bias, 1σ [°/h].
+    #[serde(deserialize_with = "number::not_negative")]
     pub gyro_bias_deg_h: f64,
     /// Accelerometer bias, 1σ [µg].
+    #[serde(deserialize_with = "number::not_negative")]
     pub accel_bias_ug: f64,
     /// Angle random walk [°/√h].
+    #[serde(deserialize_with = "number::not_negative")]
     pub angle_walk_deg_sqrt_h: f64,
     /// Velocity random walk [µg/√Hz].
+    #[serde(deserialize_with = "number::not_negative")]
     pub velocity_walk_ug_sqrt_hz: f64,
-    /// Random walk of the gyro bias [°/h/√s], for `--in-motion`.
+    /// Random walk of the gyro bias [°/h/√s], besides that of the correlation time.
+    #[serde(deserialize_with = "number::not_negative")]
     pub gyro_bias_walk_deg_h_sqrt_s: f64,
-    /// Random walk of the accelerometer bias [µg/√s], for `--in-motion`.
+    /// Random walk of the accelerometer bias [µg/√s], besides that of the correlation time.
+    #[serde(deserialize_with = "number::not_negative")]
     pub accel_bias_walk_ug_sqrt_s: f64,
     /// Correlation time of the gyro bias [h]; none: constant.
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub gyro_tau_h: Option<f64>,
     /// Correlation time of the accelerometer bias [h]; none: constant.
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub accel_tau_h: Option<f64>,
 }
 
@@ -218,12 +236,16 @@ impl Sensor {
 #[serde(default, deny_unknown_fields)]
 pub struct Start {
     /// Position, per axis [m].
+    #[serde(deserialize_with = "number::not_negative")]
     pub position_m: f64,
     /// Velocity, per axis [m/s].
+    #[serde(deserialize_with = "number::not_negative")]
     pub velocity_m_s: f64,
     /// Tilt after the coarse window [°].
+    #[serde(deserialize_with = "number::not_negative")]
     pub level_deg: f64,
     /// Heading after the coarse window [°].
+    #[serde(deserialize_with = "number::not_negative")]
     pub heading_deg: f64,
 }
 
@@ -243,10 +265,13 @@ impl Default for Start {
 #[serde(default, deny_unknown_fields)]
 pub struct StandingStill {
     /// Residual motion, per axis [m/s].
+    #[serde(deserialize_with = "number::positive")]
     pub sigma_m_s: f64,
     /// Between two updates [s].
+    #[serde(deserialize_with = "number::positive")]
     pub interval_s: f64,
     /// Mean rate above which the vehicle turns [°/s].
+    #[serde(deserialize_with = "number::positive")]
     pub turning_deg_s: f64,
 }
 
@@ -265,6 +290,7 @@ impl Default for StandingStill {
 #[serde(default, deny_unknown_fields)]
 pub struct Coarse {
     /// Its length [s].
+    #[serde(deserialize_with = "number::window")]
     pub seconds: f64,
 }
 
@@ -279,10 +305,13 @@ impl Default for Coarse {
 #[serde(default, deny_unknown_fields)]
 pub struct Running {
     /// The covariance moves at least this often [s].
+    #[serde(deserialize_with = "number::positive")]
     pub propagation_interval_s: f64,
     /// Largest ν²/s of a row; none: every row is used.
+    #[serde(deserialize_with = "number::positive_or_none")]
     pub gate: Option<f64>,
     /// Longest sample [s].
+    #[serde(deserialize_with = "number::positive")]
     pub gap_s: f64,
 }
 
@@ -301,16 +330,22 @@ impl Default for Running {
 #[serde(default, deny_unknown_fields)]
 pub struct Gnss {
     /// East and north [m].
+    #[serde(deserialize_with = "number::positive")]
     pub position_m: f64,
     /// Up [m].
+    #[serde(deserialize_with = "number::positive")]
     pub height_m: f64,
     /// Velocity, per axis [m/s].
+    #[serde(deserialize_with = "number::positive")]
     pub velocity_m_s: f64,
     /// How old a fix is when its line comes [s].
+    #[serde(deserialize_with = "number::latency")]
     pub latency_s: f64,
     /// From the IMU to the antenna: right, forward, up [m].
+    #[serde(deserialize_with = "number::lever_arm")]
     pub lever_arm_m: [f64; 3],
     /// Refused for so long, the filter is reset to the fixes [s].
+    #[serde(deserialize_with = "number::not_negative")]
     pub lock_out_s: f64,
 }
 
@@ -332,14 +367,18 @@ impl Default for Gnss {
 #[serde(default, deny_unknown_fields)]
 pub struct Wheels {
     /// From the IMU to the axle that is not steered: right, forward, up [m].
+    #[serde(deserialize_with = "number::lever_arm")]
     pub axle_m: [f64; 3],
     /// How the vehicle stands to the IMU: heading, pitch, roll [°].
     pub boresight_deg: [f64; 3],
     /// 1σ of its side slip [m/s].
+    #[serde(deserialize_with = "number::positive")]
     pub sideways_m_s: f64,
     /// 1σ upwards [m/s].
+    #[serde(deserialize_with = "number::positive")]
     pub upwards_m_s: f64,
     /// Between two uses [s].
+    #[serde(deserialize_with = "number::positive")]
     pub interval_s: f64,
 }
 
@@ -405,6 +444,14 @@ impl Config {
         let noise =
             NoiseDensity::from_random_walks(s.velocity_walk() as f32, s.angle_walk() as f32)
                 .with_stationary_biases(&bias, [gyro; 3], [accel; 3]);
+        let square = |x: f64| (x * x) as f32;
+        let gyro_walk = square(s.gyro_bias_walk_deg_h_sqrt_s * DEG_PER_H);
+        let accel_walk = square(s.accel_bias_walk_ug_sqrt_s * MICRO_G);
+        let noise = NoiseDensity {
+            gyro_bias: noise.gyro_bias.map(|q| q + gyro_walk),
+            accel_bias: noise.accel_bias.map(|q| q + accel_walk),
+            ..noise
+        };
         let settings = Settings {
             limits: ImuLimits {
                 dt_max: self.filter.gap_s as f32,
@@ -419,30 +466,27 @@ impl Config {
         Ok(settings)
     }
 
-    /// How a flight is filtered whose attitude is found in motion.
+    /// How a recording is filtered; at rest by its flags only where the caller says so.
     ///
     /// # Errors
-    /// Those of [`Antenna::new`] and [`Wheels::constraint`].
+    /// Those of [`Config::settings`], [`Antenna::new`] and [`Wheels::constraint`].
     pub fn setup(&self) -> Result<Setup, Error> {
         let (s, g) = (&self.sensor, &self.gnss);
         let lever = nalgebra::Vector3::from(g.lever_arm_m.map(|x| x as f32));
         Ok(Setup {
-            gyro_noise: s.angle_walk(),
-            accel_noise: s.velocity_walk(),
-            gyro_walk: s.gyro_bias_walk_deg_h_sqrt_s * DEG_PER_H,
-            accel_walk: s.accel_bias_walk_ug_sqrt_s * MICRO_G,
+            settings: self.settings()?,
             sigma: [g.position_m, g.height_m, g.velocity_m_s].map(|x| x as f32),
             latency: g.latency_s,
             antenna: Antenna::new(lever)?,
+            lock_out: g.lock_out_s as f32,
             wheels: self.wheels.as_ref().map(Wheels::constraint).transpose()?,
+            rest: None,
             heading: self.prior.heading_deg.max(1.0).to_radians() as f32,
             start: [
                 self.prior.level_deg.to_radians() as f32,
                 s.gyro_bias() as f32,
                 s.accel_bias() as f32,
             ],
-            limit: self.filter.gate.map(|g| g as f32),
-            lock_out: g.lock_out_s as f32,
         })
     }
 

@@ -1,7 +1,7 @@
 //! Attitude found in motion on a simulated flight whose truth is known: heading of a banked, climbing, turning vehicle
 //! from velocities that come late, and the filter that starts from it. A wrong sign or a wrong delay fails here.
 
-use host_tests::flight::{Flight, Setup};
+use host_tests::flight::{Aids, Flight, Setup};
 use host_tests::input::gnss::Fix;
 use host_tests::input::ImuSample;
 use host_tests::sim::{ClimbingTurns, Ideal, Sensor, SensorErrors, Simulator, Truth, DEG};
@@ -10,7 +10,8 @@ use navsight::alignment::in_motion::InMotion;
 use navsight::attitude::Euler;
 use navsight::earth::{normal_gravity, Geodetic};
 use navsight::error::Error;
-use navsight::filter::Handling;
+use navsight::error_model::NoiseDensity;
+use navsight::filter::{Handling, Settings};
 use navsight::imu::ImuLimits;
 use navsight::measurement::Antenna;
 
@@ -152,6 +153,10 @@ fn replayed(told: Setup) -> Outcome {
             line: k,
         });
     }
+    let aids = Aids {
+        fixes,
+        ..Aids::default()
+    };
     let (mut running, mut first) = (None, None);
     let (mut square, mut speed, mut count) = (Vector3::zeros(), 0.0, 0.0);
     for (k, (truth, ideal)) in flight.iter().enumerate() {
@@ -163,10 +168,10 @@ fn replayed(told: Setup) -> Outcome {
             delta_v: noisy.delta_v_b.cast().into(),
             line: k,
         };
-        let flight = running.get_or_insert_with(|| Flight::new(told, &sample, &fixes).unwrap());
-        let fixed = flight.take(&sample, &fixes, &[]).unwrap();
+        let flight = running.get_or_insert_with(|| Flight::new(told, &sample, &aids).unwrap());
+        let fixed = flight.take(&sample, &aids).unwrap().fixes;
         if let (None, Some(fix)) = (first, fixed.first()) {
-            let used = [fix.position.handling, fix.velocity.handling];
+            let used = [fix.position.handling, fix.velocity.unwrap().handling];
             first = Some(used == [Handling::Used; 2]);
         }
         if let Some(filter) = flight.filter().filter(|_| truth.time > 60.0) {
@@ -192,11 +197,12 @@ fn replayed(told: Setup) -> Outcome {
 }
 
 fn setup() -> Setup {
+    let SensorErrors { vrw, arw, .. } = SensorErrors::TACTICAL;
     Setup {
-        gyro_noise: SensorErrors::TACTICAL.arw,
-        accel_noise: SensorErrors::TACTICAL.vrw,
-        gyro_walk: 0.0,
-        accel_walk: 0.0,
+        settings: Settings {
+            noise: NoiseDensity::from_random_walks(vrw as f32, arw as f32),
+            ..Setup::QUAD.settings
+        },
         sigma: [1.0, 1.0, 0.05],
         latency: LATE,
         antenna: Antenna::new(LEVER.cast::<f32>()).unwrap(),

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use host_tests::flight::{Flight, Setup};
+use host_tests::flight::{Aids, Flight, Setup};
 use host_tests::input::gnss::{self, Fix};
 use host_tests::input::reference::{self, Attitude};
 use host_tests::input::{ImuReader, ImuSample};
@@ -58,12 +58,16 @@ struct Outcome {
 
 fn run(data: &Data, setup: Setup, cut: Option<(f64, f64)>) -> Outcome {
     let mut out = Outcome::default();
-    let mut flight = Flight::new(setup, &data.samples[0], &data.fixes).unwrap();
+    let aids = Aids {
+        fixes: data.fixes.clone(),
+        outages: cut.into_iter().collect(),
+        ..Aids::default()
+    };
+    let mut flight = Flight::new(setup, &data.samples[0], &aids).unwrap();
     let mut next = 0;
-    let cut: Vec<_> = cut.into_iter().collect();
     let mut verdicts = None;
     for sample in &data.samples {
-        let fixed = flight.take(sample, &data.fixes, &cut).unwrap();
+        let fixed = flight.take(sample, &aids).unwrap().fixes;
         for f in &fixed {
             let filter = flight.filter().unwrap();
             let verdicts = verdicts.get_or_insert_with(|| {
@@ -72,11 +76,12 @@ fn run(data: &Data, setup: Setup, cut: Option<(f64, f64)>) -> Outcome {
                 Verdicts::new(filter.sigma0(), &required, Limits::DEFAULT).unwrap()
             });
             verdicts.take(filter.time(), &f.position.report);
-            verdicts.take(filter.time(), &f.velocity.report);
+            let velocity = f.velocity.unwrap().report;
+            verdicts.take(filter.time(), &velocity);
             let now = verdicts.of(ATT + 2).unwrap();
             out.verdicts.push((f.t, now.verdict, now.reason));
             if f.t >= 60.0 {
-                out.nis += f64::from(f.velocity.report.nis);
+                out.nis += f64::from(velocity.nis);
                 out.fixes += 1.0;
             }
         }
@@ -96,9 +101,9 @@ fn run(data: &Data, setup: Setup, cut: Option<(f64, f64)>) -> Outcome {
             let sigma = f64::from(filter.sigma(8).unwrap()).to_degrees();
             out.errors.push((a.t, e, sigma));
         }
-        if let Some((_, to)) = cut.first() {
-            if sample.t >= *to {
-                let fix = data.fixes.iter().find(|f| f.t >= *to).unwrap();
+        if let Some((_, to)) = cut {
+            if sample.t >= to {
+                let fix = data.fixes.iter().find(|f| f.t >= to).unwrap();
                 let there = Geodetic::from_degrees(fix.lat_deg, fix.lon_deg, fix.height);
                 let d = flight
                     .filter()

@@ -2,6 +2,8 @@
 
 use super::{Clock, Column, Table};
 use crate::lab::LabError;
+use nalgebra::Vector3;
+use navsight::imu::ImuIncrement;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -19,6 +21,18 @@ pub struct ImuSample {
     pub delta_v: [f64; 3],
     /// Line in the file, for messages about this sample.
     pub line: usize,
+}
+
+impl ImuSample {
+    /// As the library takes it.
+    pub fn increment(&self) -> ImuIncrement {
+        let narrow = |v: [f64; 3]| Vector3::from(v.map(|x| x as f32));
+        ImuIncrement {
+            delta_theta_b: narrow(self.delta_theta),
+            delta_v_b: narrow(self.delta_v),
+            dt: self.dt as f32,
+        }
+    }
 }
 
 /// Reads samples one by one.

@@ -2,30 +2,27 @@
 //!
 //! A standing vehicle is aligned by the library's own [`StandingAlignment`]: coarse window, then zero-velocity
 //! updates. Where fixes (`--gnss`) or rest flags (`--rest`) are given, the filter that the coarse window started goes
-//! on with those. With `--in-motion` the vehicle need not stand: its attitude is found from the changes of the satellite
-//! velocities ([`crate::flight`]), heading unknown at the start.
+//! on with those ([`crate::flight`]). With `--in-motion` the vehicle need not stand: its attitude is found from the
+//! changes of the satellite velocities, heading unknown at the start. From there on both are the same.
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::Vector3;
 use navsight::alignment::coarse::CoarseSolution;
 use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::ATT;
 use navsight::filter::{Filter, Handling, UpdateReport};
-use navsight::imu::ImuIncrement;
-use navsight::measurement::{Position, Velocity, ZeroVelocity};
 
 use super::history::Snapshot;
 use super::solution::{angles_deg, turn_deg, Solution};
 use super::states::xi;
 use super::LabError;
 use crate::config::{self, Config};
-use crate::flight::{Flight, Setup, GAP};
+use crate::flight::{self, Flight, Refused, Setup, Taken, GAP};
 use crate::input::gnss::{self, Fix};
 use crate::input::reference::{self, Attitude};
-use crate::input::rest::{self, Flag};
+use crate::input::rest;
 use crate::input::{Axes, ImuReader, ImuSample};
 
 mod evidence;
@@ -68,8 +65,8 @@ pub struct Args {
     /// Leave out the fixes of these times [s]; may be given several times
     #[arg(long, value_names = ["FROM", "TO"], num_args = 2, requires = "gnss")]
     outage: Vec<f64>,
-    /// How old a fix is when its line comes [s], with --in-motion; instead of gnss.latency_s
-    #[arg(long, value_name = "S", requires = "in_motion")]
+    /// How old a fix is when its line comes [s]; instead of gnss.latency_s
+    #[arg(long, value_name = "S", requires = "gnss", value_parser = latency, allow_hyphen_values = true)]
     latency: Option<f64>,
     /// Begin here [s]
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
@@ -102,13 +99,14 @@ pub fn run(args: &Args) -> Result<(), LabError> {
         Some(path) => config::read(path)?,
         None => Config::default(),
     };
-    let aids = Aids {
+    let aids = flight::Aids {
         fixes: optional(&args.gnss, gnss::read)?,
-        flags: args.rest.as_deref().map(rest::read).transpose()?,
-        attitudes: optional(&args.reference, reference::read)?,
+        flags: optional(&args.rest, rest::read)?,
+        outages: super::outages(&args.outage)?,
     };
+    let attitudes = optional(&args.reference, reference::read)?;
     let position = position(args, &aids.fixes)?;
-    let mut replay = Replay::new(args, &config, aids, position)?;
+    let mut replay = Replay::new(args, &config, aids, attitudes, position)?;
     let (from, to) = (
         args.from.unwrap_or(f64::NEG_INFINITY),
         args.to.unwrap_or(f64::INFINITY),
@@ -125,11 +123,7 @@ pub fn run(args: &Args) -> Result<(), LabError> {
             break;
         }
         if sample.t > from {
-            replay.take(&sample).map_err(|what| {
-                LabError::in_file(&args.imu, what)
-                    .line(sample.line)
-                    .field("t_s")
-            })?;
+            replay.take(&sample)?;
         }
     }
     bar.finish_and_clear();
@@ -180,11 +174,9 @@ fn position(args: &Args, fixes: &[Fix]) -> Result<Geodetic, LabError> {
     Ok(position)
 }
 
-/// What is known besides the samples.
-struct Aids {
-    fixes: Vec<Fix>,
-    flags: Option<Vec<Flag>>,
-    attitudes: Vec<Attitude>,
+fn latency(text: &str) -> Result<f64, String> {
+    let s = text.parse().map_err(|_| "it is no number".to_owned())?;
+    config::check_latency(s).map(|()| s)
 }
 
 /// What runs.
@@ -192,39 +184,32 @@ struct Aids {
 enum Driver {
     /// The library's alignment of a standing vehicle, from the first sample on.
     Standing(StandingAlignment),
-    /// The filter with the aids of this recording.
-    Aided(Filter),
     /// A vehicle in motion, before its first sample.
-    Waiting(Setup),
-    /// A vehicle in motion.
+    Waiting,
+    /// The filter with the aids of this recording.
     Flying(Flight),
 }
 
 struct Replay<'a> {
-    axes: Axes,
+    args: &'a Args,
     config: &'a Config,
-    aids: Aids,
-    driver: Driver,
-    zero_velocity: ZeroVelocity,
-    coarse: Option<(CoarseSolution, Solution)>,
-    next_fix: usize,
-    /// Mean distance between fixes [s].
-    fix_interval: f32,
-    /// Times without fixes [s].
-    outages: Vec<(f64, f64)>,
+    setup: Setup,
+    aids: flight::Aids,
+    /// To compare with.
+    attitudes: Vec<Attitude>,
     next_attitude: usize,
-    /// Since the last zero-velocity update was due: seconds, and whether all of them were at rest.
-    waited: f64,
-    rested: bool,
+    driver: Driver,
+    coarse: Option<(CoarseSolution, Solution)>,
     turning: bool,
     tally: Tally,
 }
 
 impl<'a> Replay<'a> {
     fn new(
-        args: &Args,
+        args: &'a Args,
         config: &'a Config,
-        aids: Aids,
+        aids: flight::Aids,
+        attitudes: Vec<Attitude>,
         position: Geodetic,
     ) -> Result<Self, LabError> {
         let impossible = |error: Error| {
@@ -235,15 +220,11 @@ impl<'a> Replay<'a> {
             }
         };
         let plan = config.plan().map_err(impossible)?;
-        let settings = config.settings().map_err(impossible)?;
-        let alignment =
-            StandingAlignment::new(position, plan, config.prior(position.lat), settings)
-                .map_err(impossible)?;
-        let fix_interval = match (aids.fixes.first(), aids.fixes.last()) {
-            (Some(first), Some(last)) if last.t > first.t => {
-                ((last.t - first.t) / (aids.fixes.len() - 1) as f64) as f32
-            }
-            _ => 0.0, // unknown
+        let setup = config.setup().map_err(impossible)?;
+        let setup = Setup {
+            latency: args.latency.unwrap_or(setup.latency),
+            rest: args.rest.as_ref().map(|_| plan.zero_velocity),
+            ..setup
         };
         let driver = if args.in_motion {
             if aids.fixes.iter().any(|fix| fix.v_n.is_none()) {
@@ -252,103 +233,117 @@ impl<'a> Replay<'a> {
                 )
                 .field("--in-motion"));
             }
-            let setup = config.setup().map_err(impossible)?;
-            Driver::Waiting(Setup {
-                latency: args.latency.unwrap_or(setup.latency),
-                ..setup
-            })
+            Driver::Waiting
         } else {
-            Driver::Standing(alignment)
+            let prior = config.prior(position.lat);
+            let alignment = StandingAlignment::new(position, plan, prior, setup.settings);
+            Driver::Standing(alignment.map_err(impossible)?)
         };
         let mut tally = Tally::default();
-        let outages = super::outages(&args.outage)?;
-        for (from, to) in &outages {
+        for (from, to) in &aids.outages {
             tally.event(&format!("fixes from {from} s to {to} s are left out"));
         }
         Ok(Self {
-            axes: args.axes,
+            args,
             config,
+            setup,
             aids,
-            driver,
-            outages,
-            zero_velocity: plan.zero_velocity,
-            coarse: None,
-            next_fix: 0,
-            fix_interval,
+            attitudes,
             next_attitude: 0,
-            waited: 0.0,
-            rested: true,
+            driver,
+            coarse: None,
             turning: false,
             tally,
         })
     }
 
-    /// One sample. An error is a sentence about this sample.
-    fn take(&mut self, sample: &ImuSample) -> Result<(), String> {
-        let narrow = |v: [f64; 3]| Vector3::from(self.axes.apply(v).map(|x| x as f32));
-        let imu = ImuIncrement {
-            delta_theta_b: narrow(sample.delta_theta),
-            delta_v_b: narrow(sample.delta_v),
-            dt: sample.dt as f32,
+    fn take(&mut self, sample: &ImuSample) -> Result<(), LabError> {
+        let sample = ImuSample {
+            delta_theta: self.args.axes.apply(sample.delta_theta),
+            delta_v: self.args.axes.apply(sample.delta_v),
+            ..*sample
         };
         self.tally.time = sample.t;
         self.tally.samples += 1;
-        let refused = |error: Error| match error {
-            Error::Time => format!(
-                "the sample before is {:.3} s away (limit {} s)",
-                sample.dt, self.config.filter.gap_s
-            ),
-            Error::OutOfRange => {
-                "no vehicle turns or accelerates like this, or it was not standing still".into()
-            }
-            other => format!("refused by the filter: {other:?}"),
-        };
-        match &mut self.driver {
-            Driver::Standing(alignment) => {
-                let progress = alignment.take(&imu).map_err(refused)?;
-                if let Some(watch) = &mut self.tally.watch {
-                    watch.stands(&imu.delta_v_b, imu.dt);
-                }
-                self.progress(progress).map_err(refused)?;
-            }
-            Driver::Aided(filter) => {
-                filter.propagate(&imu).map_err(refused)?;
-                self.aid(sample)
-                    .map_err(|error| format!("the update was refused: {error:?}"))?;
-            }
-            Driver::Waiting(setup) => {
-                let flight = Flight::new(*setup, sample, &self.aids.fixes).map_err(refused)?;
-                self.driver = Driver::Flying(flight);
-                self.fly(sample).map_err(refused)?;
-            }
-            Driver::Flying(_) => self.fly(sample).map_err(refused)?,
-        }
+        self.step(&sample)
+            .map_err(|refused| self.why(&sample, refused))?;
         self.moved();
         self.compare(sample.t);
         Ok(())
     }
 
+    fn step(&mut self, sample: &ImuSample) -> Result<(), Refused> {
+        match &mut self.driver {
+            Driver::Standing(alignment) => {
+                let imu = sample.increment();
+                let progress = alignment.take(&imu).map_err(Refused::Sample)?;
+                if let Some(watch) = &mut self.tally.watch {
+                    watch.stands(&imu.delta_v_b, imu.dt);
+                }
+                self.progress(progress).map_err(Refused::Sample)
+            }
+            Driver::Waiting => {
+                let flight = Flight::new(self.setup, sample, &self.aids);
+                self.driver = Driver::Flying(flight.map_err(Refused::Sample)?);
+                self.fly(sample)
+            }
+            Driver::Flying(_) => self.fly(sample),
+        }
+    }
+
+    /// The line of the file that stopped the run.
+    fn why(&self, sample: &ImuSample, refused: Refused) -> LabError {
+        let of_sample = |what: String| {
+            LabError::in_file(&self.args.imu, what)
+                .line(sample.line)
+                .field("t_s")
+        };
+        match (refused, &self.args.gnss) {
+            (Refused::Sample(Error::Time), _) => of_sample(format!(
+                "the sample before is {:.3} s away (limit {} s)",
+                sample.dt, self.config.filter.gap_s
+            )),
+            (Refused::Sample(Error::OutOfRange), _) => of_sample(
+                "no vehicle turns or accelerates like this, or it was not standing still".into(),
+            ),
+            (Refused::Fix(line, error), Some(path)) => {
+                let (what, field) = match error {
+                    Error::Late => (
+                        format!(
+                            "with a latency of {} s it is older than what is remembered",
+                            self.setup.latency
+                        ),
+                        "t_s",
+                    ),
+                    Error::Polar => ("too close to a pole (limit 80°)".into(), "lat_deg"),
+                    _ => (
+                        format!("no fix of a vehicle ({error:?})"),
+                        "lat_deg, lon_deg, height_m, v_e, v_n, v_u",
+                    ),
+                };
+                LabError::in_file(path, what).line(line).field(field)
+            }
+            (Refused::Sample(error) | Refused::Fix(_, error), _) => {
+                of_sample(format!("refused by the filter: {error:?}"))
+            }
+        }
+    }
+
     fn filter(&self) -> Option<&Filter> {
         match &self.driver {
             Driver::Standing(alignment) => alignment.filter(),
-            Driver::Aided(filter) => Some(filter),
-            Driver::Waiting(_) => None,
+            Driver::Waiting => None,
             Driver::Flying(flight) => flight.filter(),
         }
     }
 
-    /// A sample of a vehicle in motion, and the fixes that came with it.
-    fn fly(&mut self, sample: &ImuSample) -> Result<(), Error> {
+    /// A sample, and the aids that came with it.
+    fn fly(&mut self, sample: &ImuSample) -> Result<(), Refused> {
         let Driver::Flying(flight) = &mut self.driver else {
             return Ok(());
         };
         let running = flight.filter().is_some();
-        let sample = ImuSample {
-            delta_theta: self.axes.apply(sample.delta_theta),
-            delta_v: self.axes.apply(sample.delta_v),
-            ..*sample
-        };
-        let fixed = flight.take(&sample, &self.aids.fixes, &self.outages)?;
+        let taken = flight.take(sample, &self.aids)?;
         if sample.dt > GAP {
             self.tally.event(&format!(
                 "a gap of {:.0} ms in the samples",
@@ -361,17 +356,33 @@ impl<'a> Replay<'a> {
             self.tally.event(&format!(
                 "attitude found in motion, heading to {sigma:.1}°: the filter starts"
             ));
-            self.tally.watch = Some(Watch::new(&filter, &self.config.required, false)?);
+            let watch = Watch::new(&filter, &self.config.required, false);
+            self.tally.watch = Some(watch.map_err(Refused::Sample)?);
         }
-        for fix in &fixed {
-            for (aided, name) in [(&fix.position, "position"), (&fix.velocity, "velocity")] {
-                if aided.handling == Handling::Reset {
+        self.taken(&taken).map_err(Refused::Sample)
+    }
+
+    /// What the aids of one sample said.
+    fn taken(&mut self, taken: &Taken) -> Result<(), Error> {
+        if let Some(wheels) = &taken.wheels {
+            self.updated(&[wheels.report])?;
+        }
+        if let Some(rest) = &taken.rest {
+            self.updated(&[rest.report])?;
+        }
+        for fix in &taken.fixes {
+            let velocity = fix.velocity.as_ref();
+            for (aided, name) in [(Some(&fix.position), "position"), (velocity, "velocity")] {
+                if aided.is_some_and(|aided| aided.handling == Handling::Reset) {
                     self.tally.event(&format!("reset to the {name} fixes"));
                 }
             }
-            let reports = [fix.position.report, fix.velocity.report];
-            self.tally.fix(&reports[0], Some(&reports[1]));
-            self.updated(&reports)?;
+            let velocity = velocity.map(|aided| aided.report);
+            self.tally.fix(&fix.position.report, velocity.as_ref());
+            match velocity {
+                Some(velocity) => self.updated(&[fix.position.report, velocity])?,
+                None => self.updated(&[fix.position.report])?,
+            }
         }
         Ok(())
     }
@@ -399,20 +410,15 @@ impl<'a> Replay<'a> {
             Progress::Coarse | Progress::Between => {}
             Progress::Started(coarse) => {
                 self.tally.event("coarse alignment done, the filter starts");
-                let filter = self.filter().cloned();
-                let standing = self.aids.fixes.is_empty() && self.aids.flags.is_none();
-                if let Some(filter) = &filter {
-                    self.tally.watch = Some(Watch::new(filter, &self.config.required, standing)?);
-                }
-                self.coarse = filter.as_ref().map(|filter| (coarse, Solution::of(filter)));
-                if let Some(filter) = filter {
-                    if !standing {
-                        self.next_fix = self
-                            .aids
-                            .fixes
-                            .partition_point(|fix| fix.t <= self.tally.time);
-                        self.driver = Driver::Aided(filter);
-                    }
+                let Some(filter) = self.filter().cloned() else {
+                    return Ok(());
+                };
+                let standing = self.aids.fixes.is_empty() && self.aids.flags.is_empty();
+                self.tally.watch = Some(Watch::new(&filter, &self.config.required, standing)?);
+                self.coarse = Some((coarse, Solution::of(&filter)));
+                if !standing {
+                    let flight = Flight::aligned(self.setup, filter, self.tally.time, &self.aids)?;
+                    self.driver = Driver::Flying(flight);
                 }
             }
             Progress::Turning => self.turning(true),
@@ -422,49 +428,6 @@ impl<'a> Replay<'a> {
             }
         }
         Ok(())
-    }
-
-    /// Fixes and zero velocity of this recording, where they are due.
-    fn aid(&mut self, sample: &ImuSample) -> Result<(), Error> {
-        let Driver::Aided(filter) = &mut self.driver else {
-            return Ok(());
-        };
-        let mut reports = Vec::new();
-        while let Some(fix) = self
-            .aids
-            .fixes
-            .get(self.next_fix)
-            .filter(|fix| fix.t <= sample.t)
-        {
-            self.next_fix += 1;
-            if self.outages.iter().any(|(a, b)| (*a..*b).contains(&fix.t)) {
-                continue;
-            }
-            let g = &self.config.gnss;
-            let (flat, up) = (g.position_m as f32, g.height_m as f32);
-            let place = Geodetic::from_degrees(fix.lat_deg, fix.lon_deg, fix.height);
-            let interval = self.fix_interval;
-            let position = Position::new(place, Vector3::new(flat, flat, up), interval)?;
-            reports.push(filter.update(&position.linearize(filter.nav()))?);
-            let first = reports.len() - 1;
-            if let Some(v) = fix.v_n {
-                let v = Vector3::from(v.map(|x| x as f32));
-                let velocity = Velocity::new(v, Vector3::repeat(g.velocity_m_s as f32), interval)?;
-                reports.push(filter.update(&velocity.linearize(filter.nav()))?);
-            }
-            self.tally.fix(&reports[first], reports.get(first + 1));
-        }
-        if let Some(flags) = &self.aids.flags {
-            self.rested &= rest::at(flags, sample.t);
-            self.waited += sample.dt;
-            if self.waited + 0.5 * sample.dt >= f64::from(self.zero_velocity.interval()) {
-                if self.rested {
-                    reports.push(filter.update(&self.zero_velocity.linearize(filter.nav()))?);
-                }
-                (self.waited, self.rested) = (0.0, true);
-            }
-        }
-        self.updated(&reports)
     }
 
     fn turning(&mut self, now: bool) {
@@ -479,10 +442,7 @@ impl<'a> Replay<'a> {
     }
 
     /// All updates of one instant.
-    fn updated(&mut self, reports: &[UpdateReport<3>]) -> Result<(), Error> {
-        if reports.is_empty() {
-            return Ok(());
-        }
+    fn updated<const M: usize>(&mut self, reports: &[UpdateReport<M>]) -> Result<(), Error> {
         self.tally.innovations(reports);
         let (xi1, xi2) = xi(reports)?;
         self.tally.last = Some(Last { xi1, xi2 });
@@ -506,12 +466,7 @@ impl<'a> Replay<'a> {
 
     /// Differences to the reference at its instants, at the sample just behind.
     fn compare(&mut self, t: f64) {
-        while let Some(there) = self
-            .aids
-            .attitudes
-            .get(self.next_attitude)
-            .filter(|a| a.t <= t)
-        {
+        while let Some(there) = self.attitudes.get(self.next_attitude).filter(|a| a.t <= t) {
             self.next_attitude += 1;
             let q = there.q.map(|x| x as f32);
             let wanted = angles_deg(&navsight::attitude::c_b_n(q));
@@ -532,12 +487,12 @@ impl<'a> Replay<'a> {
         if self.tally.samples == 0 {
             return Err("there is no sample between --from and --to".into());
         }
-        if let Driver::Aided(filter) = &mut self.driver {
-            filter.synchronize();
+        if let Driver::Flying(flight) = &mut self.driver {
+            flight.synchronize();
         }
         let Some(filter) = self.filter() else {
             let need = self.config.coarse.seconds;
-            if matches!(self.driver, Driver::Waiting(_) | Driver::Flying(_)) {
+            if !matches!(self.driver, Driver::Standing(_)) {
                 return Err("no attitude was found: the velocity hardly changed".into());
             }
             return Err(format!(
@@ -550,7 +505,7 @@ impl<'a> Replay<'a> {
         Ok(Outcome {
             coarse: self.coarse,
             solution,
-            outages: self.outages,
+            outages: self.aids.outages,
             sigma0,
             sigma,
             tally: self.tally,

@@ -48,7 +48,7 @@ pub const STATES: [State; N] = [
 ///
 /// # Errors
 /// [`Error::Variance`] when the filter is broken.
-pub fn xi(reports: &[UpdateReport<3>]) -> Result<([f64; N], [f64; N]), Error> {
+pub fn xi<const M: usize>(reports: &[UpdateReport<M>]) -> Result<([f64; N], [f64; N]), Error> {
     let (mut xi1, mut xi2) = ([0.0; N], [f64::NAN; N]);
     for report in reports {
         let xi = Xi::of(report)?;

@@ -50,6 +50,20 @@ pub fn scratch(folder: &str, name: &str) -> PathBuf {
     folder.join(name)
 }
 
+/// The path of a file of this name and text in that folder.
+pub fn written(folder: &str, name: &str, text: &str) -> String {
+    let path = scratch(folder, name);
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// What a replay told about, one event a line.
+pub fn events(o: &Value) -> String {
+    let all = o["events"].as_array().unwrap().iter();
+    all.map(|e| e["event"].as_str().unwrap().to_owned() + "\n")
+        .collect()
+}
+
 /// The one line with which the lab refuses these arguments.
 pub fn refused(arguments: &[&str]) -> String {
     let output = lab(arguments);

@@ -47,7 +47,7 @@ pub(super) struct Evidence {
 }
 
 impl History {
-    pub(super) fn take(&mut self, time: f64, report: &UpdateReport<3>) {
+    pub(super) fn take<const M: usize>(&mut self, time: f64, report: &UpdateReport<M>) {
         let nis: f64 = report
             .row_nis
             .iter()
@@ -59,7 +59,7 @@ impl History {
             decrease: report.decrease[i].into(),
             correction: report.correction[i].into(),
         });
-        self.updates.push((self.open, nis / 3.0, seen));
+        self.updates.push((self.open, nis / M as f64, seen));
         let length = time - *self.began.get_or_insert(time);
         // in f32, as the verdict has it
         self.closed = (length as f32 >= BLOCK as f32).then_some(length);

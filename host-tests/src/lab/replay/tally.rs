@@ -61,15 +61,15 @@ impl Tally {
     }
 
     /// Innovations of the updates of one instant, of which there is at least one.
-    pub(super) fn innovations(&mut self, reports: &[UpdateReport<3>]) {
+    pub(super) fn innovations<const M: usize>(&mut self, reports: &[UpdateReport<M>]) {
         let (mut nis, mut rows) = (0.0, 0);
         for report in reports {
             nis += f64::from(report.nis);
             rows += report.rows_accepted();
-            let refused = 3 - report.rows_accepted();
+            let refused = M - report.rows_accepted();
             if refused > 0 {
                 self.rejected += refused as u64;
-                self.event(&format!("{refused} of 3 rows beyond the gate"));
+                self.event(&format!("{refused} of {M} rows beyond the gate"));
             }
         }
         self.nis.sum += nis;

@@ -71,7 +71,12 @@ impl Watch {
     }
 
     /// The updates of one instant: time of the recording and of the filter [s].
-    pub(super) fn take(&mut self, t: f64, filter_time: f64, reports: &[UpdateReport<3>]) {
+    pub(super) fn take<const M: usize>(
+        &mut self,
+        t: f64,
+        filter_time: f64,
+        reports: &[UpdateReport<M>],
+    ) {
         for report in reports {
             self.history.take(filter_time, report);
             let before = self.verdicts.all();
