@@ -30,6 +30,8 @@ pub enum Error {
     },
     /// Sizes that do not fit together or exceed the room there is: no state, no output, too many of them.
     Size,
+    /// An iteration reached its bound before its result was good enough; there is none.
+    NotConverged,
     /// The latitude is too close to a pole for a north-slaved local level frame (|L| > 80°).
     Polar,
 }

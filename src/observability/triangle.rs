@@ -251,16 +251,6 @@ pub(super) fn congruence_step<T: Real, const N: usize>(a: &mut [T], b: &[T], n: 
     }
 }
 
-/// x ← B⁻¹ x for a lower triangular B of n rows.
-pub(super) fn solve<T: Real>(b: &[T], n: usize, x: &mut [T]) {
-    for (i, b_row) in rows(b).enumerate().take(n) {
-        let (done, rest) = x.split_at_mut_checked(i).unwrap_or_default();
-        if let (Some(x_i), Some((pivot, left))) = (rest.first_mut(), b_row.split_last()) {
-            *x_i = (*x_i - dot(left, done)) / *pivot;
-        }
-    }
-}
-
 /// Solves Bᵀ x = x for a lower triangular B of n rows, in place.
 pub(super) fn solve_transposed<T: Real>(b: &[T], n: usize, x: &mut [T]) {
     for i in (0..n).rev() {
