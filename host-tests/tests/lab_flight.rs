@@ -140,6 +140,23 @@ fn a_car_is_replayed_by_its_configuration() {
     );
     let done = o["manoeuvres"].as_array().unwrap();
     assert!(done.iter().any(|m| m["what"] == "turn"), "{done:?}");
+    // In an outage verdicts fade, though no update says so: after twenty seconds without fixes positions are known to less
+    // than before, and it is told while it lasts.
+    let o20 = replay(&files, &plain, &["--outage", "100", "125"]);
+    let faded = |c: &&Value| {
+        let t = c["t_s"].as_f64().unwrap();
+        c["state"] == "position east" && c["to"] == "weak" && (100.0..125.0).contains(&t)
+    };
+    assert!(o20["verdict_changes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .any(|c| faded(&c)));
+    assert!(!o["verdict_changes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .any(|c| faded(&c)));
     // Half a minute without fixes at the end: wheels hold the car on its track; told to be straight, they mislead it.
     let out = |config: &str| {
         let o = replay(&files, config, &["--outage", "118", "200"]);

@@ -11,7 +11,7 @@ use navsight::alignment::coarse::CoarseSolution;
 use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::ATT;
+use navsight::error_model::{ATT, N};
 use navsight::filter::{Filter, Handling, UpdateReport};
 
 use super::history::Snapshot;
@@ -201,8 +201,13 @@ struct Replay<'a> {
     driver: Driver,
     coarse: Option<(CoarseSolution, Solution)>,
     turning: bool,
+    /// When the filter began, had an update, or was looked at without one [s].
+    heard: f64,
     tally: Tally,
 }
+
+/// Without an update for so long the filter is looked at all the same: its σ grows, and verdicts fade [s].
+const SILENCE: f64 = 2.0;
 
 impl<'a> Replay<'a> {
     fn new(
@@ -253,6 +258,7 @@ impl<'a> Replay<'a> {
             driver,
             coarse: None,
             turning: false,
+            heard: 0.0,
             tally,
         })
     }
@@ -267,6 +273,11 @@ impl<'a> Replay<'a> {
         self.tally.samples += 1;
         self.step(&sample)
             .map_err(|refused| self.why(&sample, refused))?;
+        if self.filter().is_none() {
+            self.heard = sample.t;
+        } else if sample.t - self.heard >= SILENCE {
+            self.silent();
+        }
         self.moved();
         self.compare(sample.t);
         Ok(())
@@ -450,18 +461,34 @@ impl<'a> Replay<'a> {
         if let Some(watch) = &mut self.tally.watch {
             watch.take(time, nav_time, reports);
         }
-        if let Some(filter) = self.filter() {
-            let snapshot = Snapshot {
-                t: self.tally.time,
-                angles_deg: angles_deg(&filter.nav().c_b_n()),
-                sigma: std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from)),
-                xi1,
-                xi2,
-                nis: self.tally.nis.last,
-            };
-            self.tally.history.push(snapshot);
-        }
+        self.remember(xi1, xi2, self.tally.nis.last);
         Ok(())
+    }
+
+    /// No update for a while.
+    fn silent(&mut self) {
+        let Some(filter) = self.filter() else { return };
+        let (nav_time, p) = (filter.time(), filter.covariance().diagonal());
+        let time = self.tally.time;
+        if let Some(watch) = &mut self.tally.watch {
+            watch.pass(time, nav_time, &p);
+        }
+        self.remember([f64::NAN; N], p.map(|p| f64::from(p).recip()), f64::NAN);
+    }
+
+    /// The filter now, for the pictures.
+    fn remember(&mut self, xi1: [f64; N], xi2: [f64; N], nis: f64) {
+        self.heard = self.tally.time;
+        let Some(filter) = self.filter() else { return };
+        let snapshot = Snapshot {
+            t: self.tally.time,
+            angles_deg: angles_deg(&filter.nav().c_b_n()),
+            sigma: std::array::from_fn(|i| filter.sigma(i).map_or(f64::NAN, f64::from)),
+            xi1,
+            xi2,
+            nis,
+        };
+        self.tally.history.push(snapshot);
     }
 
     /// Differences to the reference at its instants, at the sample just behind.

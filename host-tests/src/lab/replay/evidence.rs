@@ -19,7 +19,7 @@ struct Seen {
     correction: f64,
 }
 
-/// All updates since the start.
+/// All updates since the start, and looks where there was none.
 #[derive(Default)]
 pub(super) struct History {
     /// Number of the block, mean ν²/s, and what each state sees.
@@ -59,7 +59,22 @@ impl History {
             decrease: report.decrease[i].into(),
             correction: report.correction[i].into(),
         });
-        self.updates.push((self.open, nis / M as f64, seen));
+        self.add(time, nis / M as f64, seen);
+    }
+
+    /// Time has passed without an update: the variances now, σ0 units.
+    pub(super) fn pass(&mut self, time: f64, p: &[f32; N]) {
+        let seen = p.map(|p| Seen {
+            before: p.into(),
+            after: p.into(),
+            decrease: 0.0,
+            correction: 0.0,
+        });
+        self.add(time, 0.0, seen);
+    }
+
+    fn add(&mut self, time: f64, nis: f64, seen: [Seen; N]) {
+        self.updates.push((self.open, nis, seen));
         let length = time - *self.began.get_or_insert(time);
         // in f32, as the verdict has it
         self.closed = (length as f32 >= BLOCK as f32).then_some(length);

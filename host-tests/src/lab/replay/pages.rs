@@ -168,9 +168,13 @@ impl Outcome {
                 Tone::Note,
                 "What is still a guess?",
                 format!(
-                    "Variance down by less than a tenth (ξ2 < 1.1), so these are what was assumed at the start: {}. \
-                     More time in the same position does not help them.",
-                    named(&|x| x < 1.1)
+                    "Variance down by less than a tenth (ξ2 < 1.1), so these are what was assumed at the start: {}.{}",
+                    named(&|x| x < 1.1),
+                    if self.tally.fixes.snapshots().is_empty() {
+                        " More time in the same position does not help them."
+                    } else {
+                        ""
+                    }
                 ),
             ));
             }

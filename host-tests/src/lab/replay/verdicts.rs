@@ -81,20 +81,33 @@ impl Watch {
             self.history.take(filter_time, report);
             let before = self.verdicts.all();
             let changed = self.verdicts.take(filter_time, report);
-            for (state, (from, to)) in before.into_iter().zip(self.verdicts.all()).enumerate() {
-                if changed >> state & 1 != 0 {
-                    let evidence = self.history.of(state);
-                    self.changes.push(Change {
-                        t,
-                        state,
-                        from,
-                        to,
-                        evidence,
-                        sigma: self.sigma0[state] * evidence.xi2.recip().sqrt(),
-                        required: self.required[state],
-                        ceiling: self.ceilings[state],
-                    });
-                }
+            self.changed(t, before, changed);
+        }
+    }
+
+    /// No update for a while: the variances of the filter now, σ0 units.
+    pub(super) fn pass(&mut self, t: f64, filter_time: f64, p: &[f32; N]) {
+        self.history.pass(filter_time, p);
+        let before = self.verdicts.all();
+        let changed = self.verdicts.pass(filter_time, p);
+        self.changed(t, before, changed);
+    }
+
+    /// Bit i of `changed`: the verdict about state i is another one than before.
+    fn changed(&mut self, t: f64, before: [Judgement; N], changed: u16) {
+        for (state, (from, to)) in before.into_iter().zip(self.verdicts.all()).enumerate() {
+            if changed >> state & 1 != 0 {
+                let evidence = self.history.of(state);
+                self.changes.push(Change {
+                    t,
+                    state,
+                    from,
+                    to,
+                    evidence,
+                    sigma: self.sigma0[state] * evidence.xi2.recip().sqrt(),
+                    required: self.required[state],
+                    ceiling: self.ceilings[state],
+                });
             }
         }
     }
