@@ -19,6 +19,8 @@ type Line<T> = [T; 3];
 type Block<'a, T> = [&'a mut Line<T>; 3];
 /// Room for one.
 type Room<T> = [MaybeUninit<Line<T>>; 3];
+/// From an element of P on as far as the last of its block, where that is one of the last three columns of blocks.
+type Part<T> = [T; 30];
 
 /// Element (i, j) of a matrix, by constants: no bounds check is left.
 macro_rules! of {
@@ -116,15 +118,103 @@ fn row<T: Real, const I: usize>(x: &Block<T>) -> Line<T> {
     [x[0][I], x[1][I], x[2][I]]
 }
 
-#[inline(always)]
-fn set_row<T: Real, const I: usize>(x: &mut Block<T>, to: Line<T>) {
-    (x[0][I], x[1][I], x[2][I]) = (to[0], to[1], to[2]);
-}
-
 /// Adds the noise of state 3·K + I + 3 to element I.
 #[inline(always)]
 fn noise<T: Real, const K: usize, const I: usize>(t: &mut Line<T>, q: &[T; 12]) {
     t[I] += q[3 * K + I];
+}
+
+/// Row I of a block in the columns B.
+#[inline(always)]
+fn line_of<T: Real, const B: usize, const I: usize>(part: &Part<T>) -> Line<T> {
+    [part[I], part[3 * B + 1 + I], part[6 * B + 3 + I]]
+}
+
+/// Adds to row I of a block in the columns B, compensated.
+#[inline(always)]
+fn add_line<T: Real, const B: usize, const I: usize>(
+    hi: &mut Part<T>,
+    lo: &mut Part<T>,
+    d: Line<T>,
+) {
+    let (j, k) = (3 * B + 1 + I, 6 * B + 3 + I);
+    (hi[I], lo[I]) = two_add(hi[I], lo[I], d[0]);
+    (hi[j], lo[j]) = two_add(hi[j], lo[j], d[1]);
+    (hi[k], lo[k]) = two_add(hi[k], lo[k], d[2]);
+}
+
+/// A block above the diagonal in the columns B of states that only fade: `b` of A P is added, and becomes that of P + A P.
+#[inline(never)]
+fn add_fading<T: Real, const B: usize>(
+    hi: &mut Part<T>,
+    lo: &mut Part<T>,
+    fade: T,
+    b: &mut Block<T>,
+) {
+    each!(I => {
+        let x = row::<T, I>(b);
+        let q = sum(line_of::<T, B, I>(hi), x);
+        add_line::<T, B, I>(hi, lo, scaled(x, fade, q));
+        if B == 3 {
+            (b[0][I], b[1][I], b[2][I]) = (q[0], q[1], q[2]);
+        }
+    });
+}
+
+/// A block above the diagonal in the columns of attitude: `b` of A P, `q3` of P + A P in the columns of the gyro bias.
+#[inline(never)]
+fn add_attitude<T: Real>(
+    hi: &mut Part<T>,
+    lo: &mut Part<T>,
+    t: &BlockTransition<T>,
+    b: &Block<T>,
+    q3: &Block<T>,
+) {
+    each!(I => {
+        let x = row::<T, I>(b);
+        let q = sum(line_of::<T, 2, I>(hi), x);
+        add_line::<T, 2, I>(hi, lo, full(hollow(x, &t.a22, q), &t.a23, row::<T, I>(q3)));
+    });
+}
+
+/// A line that travels in registers: the calling convention of C hands an aggregate of floats over so, and returns it so.
+#[repr(C)]
+struct Held<T>(Line<T>);
+
+/// Column of A P of the velocity: those of P at attitude, accelerometer bias, velocity and position, the first two
+/// with their low words.
+#[inline(never)]
+extern "C" fn velocity_recut<T: Real>(
+    t: &BlockTransition<T>,
+    p2: Held<T>,
+    low2: Held<T>,
+    p4: Held<T>,
+    low4: Held<T>,
+    p1: Held<T>,
+    p0: Held<T>,
+) -> Held<T> {
+    let ((h2, l2), (h4, l4)) = (recut(p2.0, low2.0), recut(p4.0, low4.0));
+    let x = full(hollow0(&t.a12, h2), &t.a14, h4);
+    let x = full(hollow(x, &t.a12, l2), &t.a14, l4);
+    Held(diagonal(hollow(x, &t.a11, p1.0), &t.a10, p0.0))
+}
+
+/// A line of P in two words that are cut elsewhere than those in store: the first differs from the high word by up to an
+/// eighth, as the low word has it, and the second holds all that is left.
+///
+/// A covariance that stands still for thousands of steps gives every product the same rounding error, and the
+/// errors of a row add up to a drift. Cut by the low word, which moves with every addition, they scatter and
+/// average out. Exact for f32: h + l is the stored sum but for the rounding of l. Read where a velocity meets what
+/// two states that hide each other, tilt and accelerometer bias, tell it: in columns r, ψ and b_a.
+#[inline(always)]
+fn recut<T: Real>(p: Line<T>, low: Line<T>) -> (Line<T>, Line<T>) {
+    let h = scaled(p, T::CUT, low);
+    let l = [
+        (p[0] - h[0]) + low[0],
+        (p[1] - h[1]) + low[1],
+        (p[2] - h[2]) + low[2],
+    ];
+    (h, l)
 }
 
 impl<T: Real> Covariance15<T> {
@@ -136,6 +226,17 @@ impl<T: Real> Covariance15<T> {
             self.hi[at(3 * A, j)],
             self.hi[at(3 * A + 1, j)],
             self.hi[at(3 * A + 2, j)],
+        ]
+    }
+
+    /// Its low words.
+    #[inline(always)]
+    fn low<const A: usize, const B: usize, const J: usize>(&self) -> Line<T> {
+        let j = 3 * B + J;
+        [
+            self.lo[at(3 * A, j)],
+            self.lo[at(3 * A + 1, j)],
+            self.lo[at(3 * A + 2, j)],
         ]
     }
 
@@ -166,28 +267,35 @@ impl<T: Real> Covariance15<T> {
         one!(2);
     }
 
-    /// Column J of block (A, B) in two words that are cut elsewhere than those in store: the first differs from the high
-    /// word by up to an eighth, as the low word has it, and the second holds all that is left.
-    ///
-    /// A covariance that stands still for thousands of steps gives every product the same rounding error, and the
-    /// errors of a row add up to a drift. Cut by the low word, which moves with every addition, they scatter and
-    /// average out. Exact for f32: h + l is the stored sum but for the rounding of l. Read where a velocity meets what
-    /// two states that hide each other, tilt and accelerometer bias, tell it: in columns r, ψ and b_a.
+    /// From the first element of block (A, B) on, A < B, B one of the last three.
     #[inline(always)]
-    fn recut<const A: usize, const B: usize, const J: usize>(&self) -> (Line<T>, Line<T>) {
-        let (p, j) = (self.column::<A, B, J>(), 3 * B + J);
-        let low = [
-            self.lo[at(3 * A, j)],
-            self.lo[at(3 * A + 1, j)],
-            self.lo[at(3 * A + 2, j)],
-        ];
-        let h = scaled(p, T::CUT, low);
-        let l = [
-            (p[0] - h[0]) + low[0],
-            (p[1] - h[1]) + low[1],
-            (p[2] - h[2]) + low[2],
-        ];
-        (h, l)
+    fn part<const A: usize, const B: usize>(&mut self) -> Option<(&mut Part<T>, &mut Part<T>)> {
+        let k = at(3 * A, 3 * B);
+        Some((
+            self.hi[k..].first_chunk_mut()?,
+            self.lo[k..].first_chunk_mut()?,
+        ))
+    }
+
+    /// [`add_fading`] of block (A, B).
+    #[inline(always)]
+    fn add_fading<const A: usize, const B: usize>(&mut self, fade: T, b: &mut Block<T>) {
+        if let Some((hi, lo)) = self.part::<A, B>() {
+            add_fading::<T, B>(hi, lo, fade, b);
+        }
+    }
+
+    /// [`add_attitude`] of block (A, 2).
+    #[inline(always)]
+    fn add_attitude<const A: usize>(
+        &mut self,
+        t: &BlockTransition<T>,
+        b: &Block<T>,
+        q3: &Block<T>,
+    ) {
+        if let Some((hi, lo)) = self.part::<A, 2>() {
+            add_attitude(hi, lo, t, b, q3);
+        }
     }
 
     /// As [`Covariance15::propagate`], for a transition of the pattern of [`BlockTransition`].
@@ -203,27 +311,21 @@ impl<T: Real> Covariance15<T> {
         // seen from outside, so that it is memory and not three dozen registers
         let [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9] = black_box(&mut room);
         let b12 = self.row_1::<2>(t, r0);
-        let b14 = self.row_1::<4>(t, r1);
+        let mut b14 = self.row_1::<4>(t, r1);
         let b11 = self.row_1::<1>(t, r2);
         let b10 = self.row_1::<0>(t, r3);
-        let mut q13 = self.row_1::<3>(t, r4);
-        let mut q03 = self.row_0::<3>(t, r5);
-        let b04 = self.row_0::<4>(t, r6);
+        let mut b13 = self.row_1::<3>(t, r4);
+        let mut b03 = self.row_0::<3>(t, r5);
+        let mut b04 = self.row_0::<4>(t, r6);
         let b02 = self.row_0::<2>(t, r7);
         let b00 = self.row_0::<0>(t, r8);
         let b01 = self.row_0::<1>(t, r9);
-        each!(I => {
-            let q = self.add_fading::<0, 3, I>(t.a33, row::<T, I>(&q03));
-            set_row::<T, I>(&mut q03, q);
-        });
-        each!(I => {
-            let q = self.add_fading::<1, 3, I>(t.a33, row::<T, I>(&q13));
-            set_row::<T, I>(&mut q13, q);
-        });
-        each!(I => { self.add_2::<0, I>(t, row::<T, I>(&b02), row::<T, I>(&q03)); });
-        each!(I => { self.add_2::<1, I>(t, row::<T, I>(&b12), row::<T, I>(&q13)); });
-        each!(I => { self.add_fading::<0, 4, I>(t.a44, row::<T, I>(&b04)); });
-        each!(I => { self.add_fading::<1, 4, I>(t.a44, row::<T, I>(&b14)); });
+        self.add_fading::<0, 3>(t.a33, &mut b03);
+        self.add_fading::<1, 3>(t.a33, &mut b13);
+        self.add_attitude::<0>(t, &b02, &b03);
+        self.add_attitude::<1>(t, &b12, &b13);
+        self.add_fading::<0, 4>(t.a44, &mut b04);
+        self.add_fading::<1, 4>(t.a44, &mut b14);
         each!(I => {
             let d = sum(row::<T, I>(&b00), *b00[I]);
             let d = hollow(d, &t.a00, row::<T, I>(&b00));
@@ -249,16 +351,16 @@ impl<T: Real> Covariance15<T> {
         let mut room = [const { [const { MaybeUninit::uninit() }; 3] }; 3];
         let [r0, r1, r2] = black_box(&mut room);
         let b22 = self.row_2::<2>(t, r0);
-        let b23 = self.row_2::<3>(t, r1);
-        let b24 = self.row_2::<4>(t, r2);
+        let mut b23 = self.row_2::<3>(t, r1);
+        let mut b24 = self.row_2::<4>(t, r2);
         each!(I => {
             let d = sum(row::<T, I>(&b22), *b22[I]);
             let mut d = full(hollow(d, &t.a22, row::<T, I>(&b22)), &t.a23, row::<T, I>(&b23));
             noise::<T, 1, I>(&mut d, &t.q);
             self.add::<2, 2, I>(d);
         });
-        each!(I => { self.add_fading::<2, 3, I>(t.a33, row::<T, I>(&b23)); });
-        each!(I => { self.add_fading::<2, 4, I>(t.a44, row::<T, I>(&b24)); });
+        self.add_fading::<2, 3>(t.a33, &mut b23);
+        self.add_fading::<2, 4>(t.a44, &mut b24);
         let (one, two) = (T::one(), T::one() + T::one());
         let both = t.a33 + t.a44 * (one + t.a33);
         each!(I => { self.fade::<3, 4, I>(both, &[T::zero(); 12]); });
@@ -287,17 +389,15 @@ impl<T: Real> Covariance15<T> {
         to: &'a mut Room<T>,
     ) -> Block<'a, T> {
         block!(to; J => {
-            let x = if B == 2 || B == 4 || B == 0 {
-                let (h2, l2) = self.recut::<2, B, J>();
-                let (h4, l4) = self.recut::<4, B, J>();
-                let x = full(hollow0(&t.a12, h2), &t.a14, h4);
-                full(hollow(x, &t.a12, l2), &t.a14, l4)
+            let (p2, p4) = (self.column::<2, B, J>(), self.column::<4, B, J>());
+            let (p1, p0) = (self.column::<1, B, J>(), self.column::<0, B, J>());
+            if B == 2 || B == 4 || B == 0 {
+                let (low2, low4) = (self.low::<2, B, J>(), self.low::<4, B, J>());
+                velocity_recut(t, Held(p2), Held(low2), Held(p4), Held(low4), Held(p1), Held(p0)).0
             } else {
-                let x = hollow0(&t.a12, self.column::<2, B, J>());
-                full(x, &t.a14, self.column::<4, B, J>())
-            };
-            let x = hollow(x, &t.a11, self.column::<1, B, J>());
-            diagonal(x, &t.a10, self.column::<0, B, J>())
+                let x = full(hollow0(&t.a12, p2), &t.a14, p4);
+                diagonal(hollow(x, &t.a11, p1), &t.a10, p0)
+            }
         })
     }
 
@@ -312,30 +412,6 @@ impl<T: Real> Covariance15<T> {
             let x = hollow0(&t.a22, self.column::<2, B, J>());
             full(x, &t.a23, self.column::<3, B, J>())
         })
-    }
-
-    /// Row I of block (A, 2): `b` of A P, `q3` of P + A P in column 3.
-    #[inline(always)]
-    fn add_2<const A: usize, const I: usize>(
-        &mut self,
-        t: &BlockTransition<T>,
-        b: Line<T>,
-        q3: Line<T>,
-    ) {
-        let q = sum(self.line::<A, 2, I>(), b);
-        self.add::<A, 2, I>(full(hollow(b, &t.a22, q), &t.a23, q3));
-    }
-
-    /// Row I of block (A, B), B of states that only fade: `b` of A P is added; returns that of P + A P.
-    #[inline(always)]
-    fn add_fading<const A: usize, const B: usize, const I: usize>(
-        &mut self,
-        fade: T,
-        b: Line<T>,
-    ) -> Line<T> {
-        let q = sum(self.line::<A, B, I>(), b);
-        self.add::<A, B, I>(scaled(b, fade, q));
-        q
     }
 
     /// Row I of block (A, B), both of states that only fade.
