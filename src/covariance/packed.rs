@@ -1,7 +1,7 @@
 //! The packed triangle: how a covariance is stored, made and read.
 
 use crate::error::Error;
-use crate::linalg::{all_finite, first_negative, looped, Real};
+use crate::linalg::{all_finite, first_negative, looped, rolled, Real};
 use nalgebra::SMatrix;
 
 /// Position of element (i, j), i ≤ j, in the packed upper triangle, column after column.
@@ -56,16 +56,28 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if let Some(state) = first_negative(variance) {
             return Err(Error::Variance { state: state as u8 });
         }
-        let mut p = Self {
-            hi: [T::zero(); L],
-            lo: [T::zero(); L],
-        };
+        let mut p = Self::zero();
         for (j, v) in looped(variance).iter().enumerate() {
-            if let Some(e) = p.hi.get_mut(upper(j, j)) {
-                *e = *v;
-            }
+            rolled();
+            p.set_variance(j, *v);
         }
         Ok(p)
+    }
+
+    /// Everything known exactly.
+    pub(crate) fn zero() -> Self {
+        Self {
+            hi: [T::zero(); L],
+            lo: [T::zero(); L],
+        }
+    }
+
+    /// Of a covariance fresh from [`Covariance::zero`]; nothing is checked.
+    #[inline(always)]
+    pub(crate) fn set_variance(&mut self, j: usize, variance: T) {
+        if let Some(e) = self.hi.get_mut(upper(j, j)) {
+            *e = variance;
+        }
     }
 
     /// A full covariance, correlations included.
@@ -82,10 +94,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             return Err(Error::NonFinite);
         }
         check_positive(p)?;
-        let mut packed = Self {
-            hi: [T::zero(); L],
-            lo: [T::zero(); L],
-        };
+        let mut packed = Self::zero();
         let half = T::of(0.5);
         for (j, column) in p.column_iter().enumerate() {
             let row = p.row(j);

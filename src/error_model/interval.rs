@@ -7,7 +7,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{BiasModel, Environment, NoiseDensity, ATT, BA, BG, POS, VEL};
 use crate::error::Error;
-use crate::linalg::{all_finite, first_negative, looped_mut, BlockTransition, Real};
+use crate::linalg::{
+    all_finite, first_negative, looped, looped_mut, rolled, BlockTransition, Real,
+};
 use crate::mechanization::Step;
 
 /// What the covariance needs to know of the motion since it was last propagated.
@@ -107,30 +109,45 @@ impl<T: Real> Scaling<T> {
                 *unit = T::one();
             }
         }
-        let three = |first: usize| {
-            Vector3::from_fn(|i, _| unit.get(first + i).copied().unwrap_or(T::one()))
-        };
-        let ratio = |row: &Vector3<T>, col: &Vector3<T>| Matrix3::from_fn(|i, j| col[j] / row[i]);
-        let (r, v, a, g, b) = (three(POS), three(VEL), three(ATT), three(BG), three(BA));
+        Ok(Self::of(&unit, bias, noise))
+    }
+
+    /// [`Scaling::new`] of units above zero and of a bias model and noise that have been checked.
+    pub(crate) fn of(unit: &[T; 15], bias: &BiasModel<T>, noise: &NoiseDensity<T>) -> Self {
         let mut q = [T::zero(); 12];
         let density = noise.diagonal();
-        let states = density.iter().zip(&unit).skip(VEL);
-        for (q, (density, s)) in looped_mut(&mut q).iter_mut().zip(states) {
+        let states = looped(&density.data.0[0]).iter().zip(unit).skip(VEL);
+        for (q, (density, s)) in q.iter_mut().zip(states) {
+            rolled();
             *q = *density / *s / *s;
         }
-        Ok(Self {
-            pos_pos: ratio(&r, &r),
-            pos_vel: v.component_div(&r),
-            vel_pos: r.component_div(&v),
-            vel_vel: ratio(&v, &v),
-            vel_att: ratio(&v, &a),
-            vel_ba: ratio(&v, &b),
-            att_att: ratio(&a, &a),
-            minus_att_bg: -ratio(&a, &g),
+        Self {
+            pos_pos: ratios(unit, POS, POS),
+            pos_vel: ratios(unit, POS, VEL).diagonal(),
+            vel_pos: ratios(unit, VEL, POS).diagonal(),
+            vel_vel: ratios(unit, VEL, VEL),
+            vel_att: ratios(unit, VEL, ATT),
+            vel_ba: ratios(unit, VEL, BA),
+            att_att: ratios(unit, ATT, ATT),
+            minus_att_bg: -ratios(unit, ATT, BG),
             bias: *bias,
             q,
-        })
+        }
     }
+}
+
+/// Unit of each of three states, `columns` on, over that of each of three, `rows` on.
+#[inline(never)]
+fn ratios<T: Real>(unit: &[T; 15], rows: usize, columns: usize) -> Matrix3<T> {
+    let mut ratios = Matrix3::zeros();
+    let columns = unit.iter().skip(columns);
+    for (to, column) in looped_mut(&mut ratios.data.0).iter_mut().zip(columns) {
+        for (to, row) in to.iter_mut().zip(unit.iter().skip(rows)) {
+            rolled();
+            *to = *column / *row;
+        }
+    }
+    ratios
 }
 
 /// A = Φ − I and Q over an interval for the psi-angle model, first order, in σ0-normalised states:

@@ -33,7 +33,7 @@ use crate::covariance::Covariance15;
 use crate::error::Error;
 use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N};
 use crate::imu::ImuIncrement;
-use crate::linalg::{looped, looped_mut, BlockTransition, Real, Two};
+use crate::linalg::{looped_mut, rolled, BlockTransition, Real, Two};
 use crate::mechanization::Step;
 use crate::nav::NavState;
 use nalgebra::SMatrix;
@@ -61,12 +61,7 @@ impl Filter {
     ///
     /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`] for a prior or a setting that cannot be.
     pub fn new(nav: NavState, prior: &Prior, settings: Settings) -> Result<Self, Error> {
-        let sigma0 = prior.sigma0()?;
-        let mut unit = sigma0;
-        for p in looped_mut(&mut unit) {
-            *p = if *p > 0.0 { 1.0 } else { 0.0 };
-        }
-        Self::start(nav, sigma0, Covariance15::from_diagonal(&unit)?, settings)
+        Self::start(nav, &prior.sigma0()?, settings)
     }
 
     /// A filter that starts at `nav` with the full covariance `p0` (15×15, SI, state order of [`crate::error_model`]).
@@ -100,34 +95,30 @@ impl Filter {
                 *x = if sigma > 0.0 { 1.0 } else { 0.0 };
             }
         }
-        Self::start(
-            nav,
-            sigma0,
-            Covariance15::from_matrix(&correlation)?,
-            settings,
-        )
+        let covariance = Covariance15::from_matrix(&correlation)?;
+        let filter = Self::start(nav, &sigma0, settings)?;
+        Ok(Self {
+            covariance,
+            ..filter
+        })
     }
 
-    fn start(
-        nav: NavState,
-        sigma0: [f32; N],
-        covariance: Covariance15<f32>,
-        settings: Settings,
-    ) -> Result<Self, Error> {
+    /// With checked standard deviations, uncorrelated.
+    fn start(nav: NavState, sigma0: &[f32; N], settings: Settings) -> Result<Self, Error> {
         settings.check()?;
-        let scaling = Scaling::new(&sigma0, &settings.bias, &settings.noise)?;
-        let mut normalised = 0;
-        for (i, &sigma) in looped(&sigma0).iter().enumerate() {
-            normalised |= u16::from(sigma > 0.0) << i;
-        }
-        let mut unit = sigma0;
-        for unit in looped_mut(&mut unit) {
+        let (mut unit, mut covariance, mut normalised) = (*sigma0, Covariance15::zero(), 0);
+        for (i, unit) in looped_mut(&mut unit).iter_mut().enumerate() {
+            rolled();
+            if *unit > 0.0 {
+                covariance.set_variance(i, 1.0);
+                normalised |= 1 << i;
+            }
             *unit = unit_of(*unit);
         }
         Ok(Self {
             nav,
             covariance,
-            scaling,
+            scaling: Scaling::of(&unit, &settings.bias, &settings.noise),
             sigma0: unit,
             interval: Interval::default(),
             transition: BlockTransition::identity(),

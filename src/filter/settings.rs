@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::error_model::{BiasModel, NoiseDensity, ATT, BA, BG, N, POS, VEL};
 use crate::imu::ImuLimits;
-use crate::linalg::{looped, Real};
+use crate::linalg::{looped, rolled, Real};
 
 /// How the filter runs. Fixed at the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,18 +65,16 @@ impl Prior {
     pub fn sigma0(&self) -> Result<[f32; N], Error> {
         let mut sigma0 = [0.0; N];
         let groups = [
-            (POS, &self.position),
-            (VEL, &self.velocity),
-            (ATT, &self.attitude),
-            (BG, &self.gyro_bias),
-            (BA, &self.accel_bias),
+            self.position,
+            self.velocity,
+            self.attitude,
+            self.gyro_bias,
+            self.accel_bias,
         ];
-        for (start, group) in groups {
-            for (to, &sigma) in sigma0.iter_mut().skip(start).zip(group) {
-                *to = sigma;
-            }
-        }
-        for &sigma in looped(&sigma0) {
+        const { assert!(POS + 3 == VEL && VEL + 3 == ATT && ATT + 3 == BG && BG + 3 == BA) };
+        let given = looped(groups.as_flattened()).iter();
+        for (to, &sigma) in sigma0.iter_mut().zip(given) {
+            rolled();
             if !sigma.finite() {
                 return Err(Error::NonFinite);
             }
@@ -85,6 +83,7 @@ impl Prior {
             if sigma < 0.0 || !var.finite() || (sigma > 0.0 && var < f32::MIN_POSITIVE) {
                 return Err(Error::OutOfRange);
             }
+            *to = sigma;
         }
         Ok(sigma0)
     }

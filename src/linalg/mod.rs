@@ -50,16 +50,28 @@ pub(crate) fn looped_mut<T>(x: &mut [T]) -> &mut [T] {
     black_box(x)
 }
 
+/// In the body of such a loop: the compiler does not write several rounds of it one after the other. No instruction.
+#[inline(always)]
+pub(crate) fn rolled() {
+    black_box(());
+}
+
 /// Whether all are finite.
 #[inline(never)]
 pub(crate) fn all_finite<T: Real>(x: &[T]) -> bool {
-    looped(x).iter().all(|x| x.finite())
+    looped(x).iter().all(|x| {
+        rolled();
+        x.finite()
+    })
 }
 
 /// The first that is below zero.
 #[inline(never)]
 pub(crate) fn first_negative<T: Real>(x: &[T]) -> Option<usize> {
-    looped(x).iter().position(|x| *x < T::zero())
+    looped(x).iter().position(|x| {
+        rolled();
+        *x < T::zero()
+    })
 }
 
 mod blocks;
