@@ -17,16 +17,24 @@ use navsight::observability::diagonal::Xi;
 
 fn run(out: &mut impl core::fmt::Write) -> core::fmt::Result {
     let xi = ten_seconds().map_err(|_| core::fmt::Error)?;
-    let bits = |x: Option<f32>| x.unwrap_or(0.0).to_bits();
     let (heading, tilt) = (xi.xi2.get(ATT + 2), xi.xi2.get(ATT + 1));
     let fast = xi.xi1.get(ATT + 1);
-    writeln!(
-        out,
-        "{:08x} {:08x} {:08x}",
-        bits(heading),
-        bits(tilt),
-        bits(fast)
-    )
+    for (x, end) in [(heading, " "), (tilt, " "), (fast, "\n")] {
+        write_bits(out, x.unwrap_or(0.0))?;
+        out.write_str(end)?;
+    }
+    Ok(())
+}
+
+/// Eight hexadecimal digits; the formatting of `core` would take 1.5 KiB.
+#[inline(never)]
+fn write_bits(out: &mut impl core::fmt::Write, x: f32) -> core::fmt::Result {
+    const DIGITS: &str = "0123456789abcdef";
+    // seen from outside: a loop and not eight copies of what writes
+    core::hint::black_box(0..8).try_for_each(|k| {
+        let digit = (x.to_bits() >> (28 - 4 * k)) as usize % 16;
+        out.write_str(DIGITS.get(digit..=digit).unwrap_or("?"))
+    })
 }
 
 fn ten_seconds() -> Result<Xi<f32, 15>, Error> {

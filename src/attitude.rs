@@ -6,7 +6,7 @@ pub mod frames;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Error;
-use crate::linalg::{sin_cos, Real};
+use crate::linalg::{looped, rolled, sin_cos, Real};
 pub use frames::{Enu, Frd, FrdToNed, Ned, Rfu, RfuToEnu};
 
 /// Heading, pitch and roll [rad].
@@ -203,7 +203,7 @@ pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
     let (sine, cosine) = if p < 1e-3 {
         (nested(p, &SINE[6..]), nested(p, &COSINE[5..]))
     } else {
-        (nested(p, &SINE), nested(p, &COSINE))
+        (nested(p, looped(&SINE)), nested(p, looped(&COSINE)))
     };
     [
         -0.5 * p * cosine,
@@ -216,7 +216,10 @@ pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
 /// 1 − p·c_last (… (1 − p·c_first)).
 #[inline(always)]
 fn nested(p: f32, c: &[f32]) -> f32 {
-    c.iter().fold(1.0, |series, c| 1.0 - series * (p * c))
+    c.iter().fold(1.0, |series, c| {
+        rolled();
+        1.0 - series * (p * c)
+    })
 }
 
 /// 1/(18·19) … 1/(2·3).

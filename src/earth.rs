@@ -179,7 +179,7 @@ impl Local {
     }
 
     /// At a latitude held in two words.
-    #[inline(always)]
+    #[inline(never)]
     pub fn at_words(lat: Two, height: f32) -> Self {
         let (sin_lat, cos_lat) = sin_cos(lat);
         let s2 = sin_lat * sin_lat;

@@ -6,7 +6,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::c_b_n_scaled;
-use crate::earth::{Geodetic, Local, A, MAX_HEIGHT, MAX_LATITUDE, MIN_HEIGHT, OMEGA_IE};
+use crate::earth::{Local, A, MAX_HEIGHT, MAX_LATITUDE, MIN_HEIGHT, OMEGA_IE};
 use crate::error::Error;
 use crate::imu::Motion;
 use crate::linalg::{two_add, Two};
@@ -70,15 +70,15 @@ const SLOW: u8 = 8;
 const LENGTH: u8 = 64;
 
 impl Strapdown {
-    /// From a checked position, velocity and unit quaternion.
-    pub(crate) fn new(position: &Geodetic, v_n: &Vector3<f32>, q: [f32; 4]) -> Self {
+    /// From a checked position (latitude, longitude, height), velocity and unit quaternion.
+    pub(crate) fn new([lat, lon, height]: [Two; 3], v_n: [f32; 3], q: [f32; 4]) -> Self {
         let one_word = |hi| Two { hi, lo: 0.0 };
         let mut state = Self {
             q: q.map(one_word),
-            v_n: [v_n.x, v_n.y, v_n.z].map(one_word),
-            lat: Two::of(position.lat),
-            lon: Two::of(position.lon),
-            height: Two::of(position.height),
+            v_n: v_n.map(one_word),
+            lat,
+            lon,
+            height,
             slow: Slow {
                 ie_n: 0.0,
                 ie_u: 0.0,

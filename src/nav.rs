@@ -7,7 +7,7 @@ use crate::attitude::{c_b_n, normalized, product, rotation_minus_one, Enu, Euler
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
 use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
-use crate::linalg::each_state;
+use crate::linalg::{all_finite, each_state, Two};
 use crate::mechanization::{admit, Step, Strapdown};
 
 /// Largest gyro bias that is compensated, per axis [rad/s].
@@ -53,25 +53,26 @@ impl NavState {
         attitude: impl Into<RfuToEnu>,
     ) -> Result<Self, Error> {
         position.check()?;
-        let v_n = v_n.into().0;
-        if !v_n.iter().all(|x| x.is_finite()) {
+        let place = [position.lat, position.lon, position.height].map(Two::of);
+        Self::start(place, &v_n.into().0, attitude.into().0)
+    }
+
+    /// Once, for every way to write the arguments down.
+    #[inline(never)]
+    fn start(place: [Two; 3], v_n: &Vector3<f32>, q: [f32; 4]) -> Result<Self, Error> {
+        let [x, y, z] = v_n.data.0[0];
+        if !all_finite(&[x, y, z]) {
             return Err(Error::NonFinite);
         }
-        let q = normalized(attitude.into().0)?;
-        let mut strapdown = Strapdown::new(&position, &v_n, q);
-        let start = &strapdown;
-        strapdown.lon = admit(
-            &start.lat,
-            start.lon,
-            &start.height,
-            start.v_n.map(|v| v.hi),
-        )?;
-        Ok(Self {
-            strapdown,
+        let mut nav = Self {
+            strapdown: Strapdown::new(place, [x, y, z], normalized(q)?),
             b_g: Vector3::zeros(),
             b_a: Vector3::zeros(),
             coning: ConingSculling::NEW,
-        })
+        };
+        let [lat, lon, height] = place;
+        nav.strapdown.lon = admit(&lat, lon, &height, [x, y, z])?;
+        Ok(nav)
     }
 
     /// The same with these bias estimates, gyro [rad/s] and accelerometer [m/s²], body axes.

@@ -20,7 +20,7 @@
 use super::packed::{at, Covariance};
 use super::update::Gate;
 use crate::error::Error;
-use crate::linalg::{all_finite, looped, looped_mut, Pair, Real};
+use crate::linalg::{all_finite, looped, looped_mut, rolled, Pair, Real};
 
 /// M rows with M known at run time.
 pub(super) struct Lines<'a, T, const N: usize> {
@@ -99,7 +99,8 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         out: &mut Outcome<'_, T, N>,
         panel: &mut Panel<'_, T, N>,
     ) -> Result<(), Error> {
-        let (h, nu, r) = lines.row(m);
+        let mut h = [T::zero(); N];
+        let (nu, r) = lines.row(m, &mut h);
         let (earlier, rest) = panel.c.split_at_mut_checked(m).unwrap_or_default();
         let (Some(c), Some(inverse)) = (rest.first_mut(), panel.inverse.get_mut(..=m)) else {
             return Ok(());
@@ -120,6 +121,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 considered => inner(&h, c_k, considered).mul(*inverse),
             };
             for (i, (c, c_k)) in looped_mut(c).iter_mut().zip(c_k).enumerate() {
+                rolled();
                 let held = held(lines.considered, i);
                 *c = c.sub(c_k.mul(if held { l_held } else { l }));
             }
@@ -131,6 +133,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         let one_over_s = s.reciprocal();
         let mut e = nu;
         for (h, x) in looped(&h).iter().zip(out.dx.iter()) {
+            rolled();
             e -= *h * *x;
         }
         let nis = e * e * one_over_s.hi;
@@ -154,6 +157,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         *out.nis += nis;
         let gain = e * one_over_s.hi;
         for (i, (x, c)) in looped_mut(out.dx).iter_mut().zip(c.iter()).enumerate() {
+            rolled();
             if !held(lines.considered, i) {
                 *x += c.hi * gain;
             }
@@ -168,10 +172,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(never)]
     fn add_product(&self, c: &mut [Pair<T>; N], h: &[T; N], fresh: &[T; N]) {
         for (j, (h, fresh_j)) in looped(h).iter().zip(fresh).enumerate() {
+            rolled();
             if *h == T::zero() {
                 continue;
             }
             for (i, (c, fresh_i)) in looped_mut(c).iter_mut().zip(fresh).enumerate() {
+                rolled();
                 let p = self.base(i, j, *fresh_i, *fresh_j);
                 *c = c.add(p.mul(Pair::of(*h)));
             }
@@ -207,10 +213,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             .zip(out.p_after.iter_mut());
         let states = states.zip(out.decrease.iter_mut()).enumerate();
         for (j, ((before, after), decrease)) in states {
+            rolled();
             let fresh = panel.fresh.get(j).copied().unwrap_or_else(T::zero);
             let mut d = Pair::zero();
             let used = panel.c.iter().zip(panel.inverse.iter());
             for (c, inverse) in used.filter(|_| !held(lines.considered, j)) {
+                rolled();
                 if let Some(c) = c.get(j) {
                     d = d.add(c.mul(c.mul(*inverse)));
                 }
@@ -236,15 +244,18 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 .zip(panel.c.iter())
                 .zip(panel.inverse.iter())
             {
+                rolled();
                 *g = c.get(j).map_or_else(Pair::zero, |c| c.mul(*inverse));
             }
             for (i, fresh_i) in panel.fresh.iter().enumerate().take(j + 1) {
+                rolled();
                 if held(considered, i) && held(considered, j) {
                     k += 1;
                     continue;
                 }
                 let mut p = self.base(i, j, *fresh_i, *fresh_j);
                 for (g, c) in panel.gain.iter().zip(panel.c.iter()) {
+                    rolled();
                     if let Some(c) = c.get(i) {
                         p = p.sub(c.mul(*g));
                     }
@@ -267,7 +278,10 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
             Pattern::Dense { h, unit } => {
                 let columns = h.chunks_exact(rows.max(1)).zip(unit);
                 if !columns.fold(true, |good, (h, u)| {
-                    good & h.iter().all(|h| (*h * *u).finite())
+                    good & h.iter().all(|h| {
+                        rolled();
+                        (*h * *u).finite()
+                    })
                 }) {
                     return Err(Error::NonFinite);
                 }
@@ -280,15 +294,15 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
         if !(all_finite(self.nu) && all_finite(self.r) && gate.finite()) {
             return Err(Error::NonFinite);
         }
-        if gate < T::zero() || self.r.iter().any(|r| *r <= T::zero()) {
+        if gate < T::zero() || self.r.iter().any(not_positive) {
             return Err(Error::OutOfRange);
         }
         Ok(())
     }
 
-    /// h, ν and r of row m. The sign of a direct row is turned, and that of its innovation with it: nothing changes.
-    fn row(&self, m: usize) -> ([T; N], T, T) {
-        let mut row = [T::zero(); N];
+    /// ν and r of row m, and its h into `row`, which holds zeros. The sign of a direct row is turned, and that of its
+    /// innovation with it: nothing changes.
+    fn row(&self, m: usize, row: &mut [T; N]) -> (T, T) {
         let get = |x: &[T]| x.get(m).copied().unwrap_or_else(T::zero);
         let (nu, r) = (get(self.nu), get(self.r));
         match self.h {
@@ -296,17 +310,23 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
                 if let Some(x) = row.get_mut(first + m) {
                     *x = T::one();
                 }
-                (row, -nu, r)
+                (-nu, r)
             }
             Pattern::Dense { h, unit } => {
                 let columns = h.chunks_exact(self.nu.len().max(1)).zip(unit);
-                for (x, (column, unit)) in looped_mut(&mut row).iter_mut().zip(columns) {
+                for (x, (column, unit)) in looped_mut(row).iter_mut().zip(columns) {
+                    rolled();
                     *x = get(column) * *unit;
                 }
-                (row, nu, r)
+                (nu, r)
             }
         }
     }
+}
+
+fn not_positive<T: Real>(r: &T) -> bool {
+    rolled();
+    *r <= T::zero()
 }
 
 /// hᵀ c, states of which a bit is set in `without` left out.
@@ -314,6 +334,7 @@ impl<T: Real, const N: usize> Lines<'_, T, N> {
 fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N], without: u32) -> Pair<T> {
     let mut sum = Pair::zero();
     for (i, (h, c)) in looped(h).iter().zip(c).enumerate() {
+        rolled();
         if *h != T::zero() && !held(without, i) {
             sum = sum.add(c.mul(Pair::of(*h)));
         }
@@ -337,10 +358,10 @@ fn replace<T: Real, const N: usize>(
     c: &mut [Pair<T>; N],
     fresh: &mut [T; N],
 ) {
-    let mut measured = looped(h)
-        .iter()
-        .enumerate()
-        .filter(|(_, x)| **x != T::zero());
+    let mut measured = looped(h).iter().enumerate().filter(|(_, x)| {
+        rolled();
+        **x != T::zero()
+    });
     let (Some((k, x)), None) = (measured.next(), measured.next()) else {
         return;
     };
@@ -355,6 +376,7 @@ fn replace<T: Real, const N: usize>(
         *fresh = variance;
     }
     for c in earlier.iter_mut().filter_map(|c| c.get_mut(k)) {
+        rolled();
         *c = Pair::zero();
     }
 }

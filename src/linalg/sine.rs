@@ -1,14 +1,17 @@
 //! Sine and cosine of an angle, together.
 
+use core::f64::consts::{FRAC_2_PI, FRAC_PI_2};
+
 /// Beyond this an f32 has no place below a turn: 2²⁸ π/2 rad.
 const TOO_LARGE: f32 = f32::from_bits(0x4dc9_0fdb);
 
-/// 2/π, and π/2 in two parts, the first of 25 bits: its products with small whole numbers are exact.
-const QUARTERS: f64 = core::f64::consts::FRAC_2_PI;
+/// π/2 in two parts, the first of 25 bits: its products with whole numbers up to 2²⁸ are exact.
 const QUARTER: [f64; 2] = [
     f64::from_bits(0x3ff9_21fb_5000_0000),
     f64::from_bits(0x3e51_10b4_611a_6263),
 ];
+/// Up to here, 9π/4 rad, libm takes it as one number.
+const NEAR: f32 = f32::from_bits(0x40e2_31d5);
 /// 1.5·2⁵²: a number added to it is a whole one, in the last bits.
 const WHOLE: f64 = 1.5 / f64::EPSILON;
 
@@ -37,9 +40,14 @@ pub(crate) fn sin_cos(x: f32) -> (f32, f32) {
     let size = x.abs();
     let (mut y, mut quarter) = (f64::from(size), 0);
     if size > core::f32::consts::FRAC_PI_4 {
-        let shifted = y * QUARTERS + WHOLE;
+        let shifted = y * FRAC_2_PI + WHOLE;
         let n = shifted - WHOLE;
-        y = y - n * QUARTER[0] - n * QUARTER[1];
+        let [head, tail] = if size <= NEAR {
+            [FRAC_PI_2, 0.0]
+        } else {
+            QUARTER
+        };
+        y = y - n * head - n * tail;
         quarter = shifted.to_bits() as u32;
     }
     let z = y * y;
