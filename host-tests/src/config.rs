@@ -325,7 +325,7 @@ impl Default for Running {
     }
 }
 
-/// How good satellite fixes are, 1σ.
+/// How good satellite fixes are, 1σ, where their file does not say it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Gnss {

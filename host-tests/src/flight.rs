@@ -32,7 +32,7 @@ pub const GAP: f64 = 0.1;
 pub struct Setup {
     /// Those of the filter; their gate is that of every source.
     pub settings: Settings,
-    /// 1σ of a fix: horizontal, vertical [m], velocity [m/s].
+    /// 1σ of a fix that says nothing of it: horizontal, vertical [m], velocity [m/s].
     pub sigma: [f32; 3],
     /// How old a fix is when its line comes [s].
     pub latency: f64,
@@ -349,7 +349,11 @@ impl Flight {
     fn fix(&mut self, fix: &Fix, time: f64) -> Result<Option<Fixed>, Error> {
         let place = Geodetic::from_degrees(fix.lat_deg, fix.lon_deg, fix.height);
         let v_n = fix.v_n.map(|v| Vector3::from(v.map(|x| x as f32)));
-        let [flat, up, speed] = self.setup.sigma;
+        let mut sigma = self.setup.sigma;
+        for (sigma, said) in sigma.iter_mut().zip(fix.accuracy) {
+            *sigma = said.map_or(*sigma, |said| said as f32);
+        }
+        let [flat, up, speed] = sigma;
         let filter = match (&mut self.stage, v_n) {
             (Stage::Running(filter), _) => filter,
             (Stage::Finding(_), None) => return Ok(None),

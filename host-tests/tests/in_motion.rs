@@ -150,6 +150,7 @@ fn replayed(told: Setup) -> Outcome {
             lon_deg: (truth.lon + e.x / r_n / truth.lat.cos()).to_degrees(),
             height: truth.height + e.z,
             v_n: Some(v.into()),
+            accuracy: [None; 3],
             line: k,
         });
     }

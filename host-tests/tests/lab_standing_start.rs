@@ -210,6 +210,44 @@ fn fixes_rest_and_wheels_are_used() {
     assert!(with < 3.0 && wrong > 5.0 * with, "{with} {wrong}");
 }
 
+/// What the receiver says of a fix goes before the configuration.
+#[test]
+fn accuracies_of_the_receiver_are_used() {
+    let r = recorded("accuracy", f64::INFINITY);
+    let config = config("accuracy", ARM, "");
+    let fixes = std::fs::read_to_string(&r.gnss).unwrap();
+    let with = |said: &str| {
+        let mut lines = fixes.lines();
+        let mut text = lines.next().unwrap().to_owned() + ",h_acc_m,v_acc_m,s_acc_m_s\n";
+        lines.for_each(|line| text += &format!("{line},{said}\n"));
+        written("accuracy_said.csv", &text)
+    };
+    let plain = replay(&r, &r.gnss, &config, &[]);
+    let same = replay(&r, &with("1,1,0.05"), &config, &[]);
+    assert_eq!(same["final"], plain["final"]);
+    // Twice as much: a quarter of ν²/s, and twice the σ where hardly anything else counts.
+    let twice = replay(&r, &with("2,2,0.1"), &config, &[]);
+    let ratio = |part, name| number(&twice, part, name) / number(&plain, part, name);
+    let (nis, sigma) = (
+        ratio("nis", "mean_per_row"),
+        ratio("final", "height_m_sigma"),
+    );
+    println!("ν²/s {nis:.3}, σ of the height {sigma:.3} of what they were");
+    assert!((nis - 0.25).abs() < 0.02 && (1.7..2.05).contains(&sigma));
+    for (said, field) in [
+        ("0,1,1", "h_acc_m"),
+        ("1,-1,1", "v_acc_m"),
+        ("1,1,fine", "s_acc_m_s"),
+    ] {
+        let damaged = with(said);
+        let message = refused(&["replay", "--imu", &r.imu, "--gnss", &damaged]);
+        assert!(
+            message.contains(&format!("{damaged}:2: {field}: ")),
+            "{message}"
+        );
+    }
+}
+
 #[test]
 fn a_lock_out_ends_with_a_reset_that_is_told() {
     let r = recorded("jump", 110.0);

@@ -1,4 +1,4 @@
-//! `gnss.csv`: position and, where known, velocity.
+//! `gnss.csv`: position and, where known, velocity and what the receiver says of its accuracy.
 
 use super::{Clock, Table};
 use crate::lab::LabError;
@@ -17,6 +17,8 @@ pub struct Fix {
     pub height: f64,
     /// Velocity east, north, up [m/s].
     pub v_n: Option<[f64; 3]>,
+    /// What the receiver says of it, 1σ: horizontal, vertical [m], velocity [m/s].
+    pub accuracy: [Option<f64>; 3],
     /// Line in the file.
     pub line: usize,
 }
@@ -34,14 +36,25 @@ pub fn read(path: &Path) -> Result<Vec<Fix>, LabError> {
         Some(_) => Some(table.require_all(["v_e", "v_n", "v_u"])?),
         None => None,
     };
+    let accuracy = ["h_acc_m", "v_acc_m", "s_acc_m_s"].map(|name| table.find(name));
     let (mut clock, mut fixes) = (Clock::default(), Vec::new());
     while table.next_row()? {
+        let mut said = [None; 3];
+        for (said, column) in said.iter_mut().zip(accuracy) {
+            let Some(column) = column else { continue };
+            let sigma = table.number(column)?;
+            if sigma <= 0.0 {
+                return Err(table.refused(column, &format!("{sigma} is no standard deviation")));
+            }
+            *said = Some(sigma);
+        }
         let fix = Fix {
             t: clock.tick(&table, time)?,
             lat_deg: table.number(lat)?,
             lon_deg: table.number(lon)?,
             height: table.number(height)?,
             v_n: velocity.map(|columns| table.numbers(columns)).transpose()?,
+            accuracy: said,
             line: table.line(),
         };
         if fix.lat_deg.abs() > 90.0 {

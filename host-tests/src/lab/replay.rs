@@ -41,7 +41,8 @@ pub struct Args {
     /// Inertial samples: t_s, dtheta_x,y,z [rad], dvel_x,y,z [m/s], or gyro_x,y,z [rad/s], acc_x,y,z [m/s²]
     #[arg(long, value_name = "FILE")]
     imu: PathBuf,
-    /// Satellite fixes: t_s, lat_deg, lon_deg, height_m, and v_e, v_n, v_u [m/s] where known
+    /// Satellite fixes: t_s, lat_deg, lon_deg, height_m, and where known v_e, v_n, v_u [m/s] and the accuracies of the
+    /// receiver, h_acc_m, v_acc_m, s_acc_m_s, which go before those of the configuration
     #[arg(long, value_name = "FILE")]
     gnss: Option<PathBuf>,
     /// Somebody else's attitude to compare with: t_s, qw, qx, qy, qz (body to local, z up)
