@@ -8,7 +8,7 @@ use navsight::alignment::in_motion::InMotion;
 use navsight::alignment::planner::{Manoeuvre, Planner, Progress, Rules};
 use navsight::alignment::standing::{Plan, StandingAlignment};
 use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
-use navsight::filter::{Filter, Prior};
+use navsight::filter::{Filter, Prior, UpdateReport};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::measurement::ZeroVelocity;
 
@@ -67,8 +67,8 @@ fn coarse(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::R
     table.row(
         "gate and a three-row update",
         "f32",
-        (gate, filter, measurement),
-        |(gate, filter, measurement)| gate.update(filter, measurement),
+        (gate, filter, measurement, UpdateReport::empty()),
+        |(gate, filter, measurement, report)| gate.update_into(filter, measurement, report),
     )
 }
 

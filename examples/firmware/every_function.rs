@@ -620,6 +620,7 @@ fn filter_rows<const M: usize>(filter: &mut Filter) {
         }
         if let Ok(mut holding) = gate::Gate::new(any(gate::Plan::BIASES)) {
             keep(holding.update(filter, &any(linearized)));
+            keep(holding.update_into(filter, &any(linearized), &mut UpdateReport::empty()));
             keep(holding.held());
         }
         filter.consider(any(1));

@@ -104,16 +104,31 @@ impl Gate {
         filter: &mut Filter,
         measurement: &Linearized<M>,
     ) -> Result<UpdateReport<M>, Error> {
+        let mut report = UpdateReport::empty();
+        self.update_into(filter, measurement, &mut report)?;
+        Ok(report)
+    }
+
+    /// As [`Gate::update`], with the report written where the caller has room for it, as [`Filter::update_into`] does.
+    ///
+    /// # Errors
+    /// Those of [`Filter::update`].
+    pub fn update_into<const M: usize>(
+        &mut self,
+        filter: &mut Filter,
+        measurement: &Linearized<M>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
         filter.synchronize();
         self.decide(filter.time());
         let offers = offers(filter, measurement);
         self.release(&offers, measurement.interval);
         filter.consider(self.held());
-        let report = filter.update(measurement)?;
+        filter.update_into(measurement, report)?;
         for (sum, offer) in self.offered.iter_mut().zip(&offers) {
             *sum += *offer;
         }
-        Ok(report)
+        Ok(())
     }
 
     /// The states that are held, as bits.
@@ -160,6 +175,7 @@ impl Gate {
 }
 
 /// What each state would learn from the rows: Σ c²/(s p), at most 1.
+#[inline(never)] // so that its rows are off the stack when the update begins
 fn offers<const M: usize>(filter: &Filter, measurement: &Linearized<M>) -> [f32; N] {
     let (p, sigma0) = (filter.covariance(), filter.sigma0());
     let mut offers = [0.0; N];

@@ -326,13 +326,7 @@ impl<const K: usize> Planner<K> {
                 }
             }
             Part::Result => {
-                if let Some(outcome) = self.outcomes.get_mut(self.at) {
-                    let p = self.p.diagonal();
-                    for ((sigma, p), sigma0) in outcome.sigma.iter_mut().zip(&p).zip(&self.sigma0) {
-                        *sigma = libm::sqrtf(*p) * *sigma0;
-                    }
-                    outcome.xi2 = p.map(|p| 1.0 / p);
-                }
+                self.note();
                 self.at += 1;
                 Part::Begin
             }
@@ -343,7 +337,20 @@ impl<const K: usize> Planner<K> {
         })
     }
 
+    /// What the candidate at work has led to.
+    #[inline(never)]
+    fn note(&mut self) {
+        if let Some(outcome) = self.outcomes.get_mut(self.at) {
+            let p = self.p.diagonal();
+            for ((sigma, p), sigma0) in outcome.sigma.iter_mut().zip(&p).zip(&self.sigma0) {
+                *sigma = libm::sqrtf(*p) * *sigma0;
+            }
+            outcome.xi2 = p.map(|p| 1.0 / p);
+        }
+    }
+
     /// Puts a candidate at the start.
+    #[inline(never)] // as the other parts of a step: what one has on the stack, the next has not
     fn begin(&mut self, candidate: Manoeuvre) -> Result<(), Error> {
         let (rules, size) = (&self.rules, candidate.size());
         let (length, steps) = match candidate {
@@ -379,6 +386,7 @@ impl<const K: usize> Planner<K> {
     }
 
     /// The transition of the step at work.
+    #[inline(never)]
     fn turn(&mut self, candidate: Manoeuvre, moves: bool, dt: f32) {
         let part = if moves {
             (self.phase.done as f32 + 0.5) / f32::from(self.phase.moving)
@@ -401,6 +409,7 @@ impl<const K: usize> Planner<K> {
     }
 
     /// The update of the step at work, if anything is measured in it.
+    #[inline(never)]
     fn measure(&mut self, moves: bool, dt: f32) -> Result<(), Error> {
         let r_t = if moves {
             self.r_t_moving

@@ -13,7 +13,7 @@
 
 use core::fmt;
 
-use super::ceiling::{ceiling, unseen_share, unseen_space, MARGIN};
+use super::ceiling::{ceiling, unseen_space, MARGIN};
 use super::comprehensive::of_state;
 use super::pwcs::{Kind, Staged};
 use super::structural::Class;
@@ -101,18 +101,10 @@ impl<T: Real> View<T> {
         xi2: Option<T>,
         limits: &Limits<T>,
     ) -> Self {
-        let row = of_state(staged, state);
-        let get = |table: &[T; N]| table.get(state).copied().unwrap_or(T::zero());
-        let share = get(&unseen_share(staged));
+        let row = row_of(staged, state, limits);
         // In the unseen space: along its own shadow there, which other state is largest?
-        let null = unseen_space(staged);
-        let mut shadow = [T::zero(); N];
-        for v in null.vectors.iter().take(null.len) {
-            let own = get(v);
-            for (x, y) in shadow.iter_mut().zip(v) {
-                *x += own * *y;
-            }
-        }
+        let shadow = shadow(staged, state);
+        let share = shadow.get(state).copied().unwrap_or_else(T::zero);
         let mut partner = None;
         let mut largest = limits.coupling * share;
         for (j, x) in shadow.iter().enumerate() {
@@ -123,11 +115,9 @@ impl<T: Real> View<T> {
         Self {
             state,
             class,
-            strict: row
-                .as_ref()
-                .is_some_and(|r| r.kept(limits.coupling) == 1 << (state & 63)),
-            order: row.as_ref().map(|r| r.order),
-            degree: row.as_ref().map(|r| r.degree),
+            strict: row.is_some_and(|(strict, ..)| strict),
+            order: row.map(|(_, order, _)| order),
+            degree: row.map(|(.., degree)| degree),
             share,
             partner,
             xi2,
@@ -183,6 +173,35 @@ impl<T: Real> View<T> {
             learnt: limits.learnt.wide(),
         }
     }
+}
+
+/// Of the row of a state: whether it holds nothing else, its order and its degree.
+#[inline(never)] // so that the row is off the stack before the unseen space is on it
+fn row_of<T: Real, const N: usize, const M: usize>(
+    staged: &Staged<T, N, M>,
+    state: usize,
+    limits: &Limits<T>,
+) -> Option<(bool, u8, T)> {
+    let row = of_state(staged, state)?;
+    let strict = row.kept(limits.coupling) == 1 << (state & 63);
+    Some((strict, row.order, row.degree))
+}
+
+/// The unit vector of a state, projected on the unseen space.
+#[inline(never)] // so that the space is off the stack when the shadow is looked at
+fn shadow<T: Real, const N: usize, const M: usize>(
+    staged: &Staged<T, N, M>,
+    state: usize,
+) -> [T; N] {
+    let null = unseen_space(staged);
+    let mut shadow = [T::zero(); N];
+    for v in null.vectors.iter().take(null.len) {
+        let own = v.get(state).copied().unwrap_or_else(T::zero);
+        for (x, y) in shadow.iter_mut().zip(v) {
+            *x += own * *y;
+        }
+    }
+    shadow
 }
 
 /// What would tell two states apart.

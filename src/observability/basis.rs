@@ -34,14 +34,18 @@ impl<T: Real, const N: usize> Basis<T, N> {
 
     /// Adds what is new of a row; false where that is below `tolerance` of it.
     pub fn add(&mut self, row: &[T; N], tolerance: T) -> bool {
+        self.add_rest(&mut { *row }, tolerance)
+    }
+
+    /// [`Basis::add`] without a copy: the row is left with what is new of it.
+    pub fn add_rest(&mut self, row: &mut [T; N], tolerance: T) -> bool {
         let length = dot(row, row);
-        let mut new = *row;
-        self.project_out(&mut new);
-        let rest = dot(&new, &new);
+        self.project_out(row);
+        let rest = dot(row, row);
         if rest <= tolerance * tolerance * length {
             return false;
         }
-        self.push(&new, rest)
+        self.push(row, rest)
     }
 
     /// [`Basis::add`] without a tolerance, in two slices: the first pass leaves its result behind the last vector, the

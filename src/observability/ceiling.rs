@@ -79,7 +79,7 @@ pub(super) fn unseen_space<T: Real, const N: usize, const M: usize>(
             for x in &mut v {
                 *x *= inverse;
             }
-            null.add(&v, T::zero());
+            null.add_rest(&mut v, T::zero());
         }
     }
     null
@@ -244,11 +244,12 @@ impl<T: Real, const N: usize> Gramian<T, N> {
 
     /// Eigenvalues and directions. Not for every sample: eight sweeps of N(N−1)/2 rotations.
     pub fn information(&self) -> Information<T, N> {
-        let mut columns = self.triangle.columns();
+        let mut columns = self.triangle;
+        columns.transpose();
         let mut directions = identity();
-        let converged = rotate(&mut columns, Some(&mut directions));
+        let converged = rotate(&mut columns.rows, Some(&mut directions));
         let mut lambda = [T::zero(); N];
-        for (l, column) in lambda.iter_mut().zip(&columns) {
+        for (l, column) in lambda.iter_mut().zip(&columns.rows) {
             *l = column.iter().fold(T::zero(), |sum, x| sum + *x * *x);
         }
         Information {

@@ -136,17 +136,22 @@ impl<T: Real, const N: usize> Triangle<T, N> {
         }
     }
 
-    /// Columns of R, to be rotated until they are orthogonal.
-    pub fn columns(&self) -> [[T; N]; N] {
-        let mut columns = [[T::zero(); N]; N];
-        for (i, row) in self.rows.iter().enumerate() {
-            for (x, column) in row.iter().zip(&mut columns) {
-                if let Some(place) = column.get_mut(i) {
-                    *place = *x;
-                }
+    /// Rows become columns, to be rotated until they are orthogonal.
+    pub fn transpose(&mut self) {
+        for i in 0..N {
+            self.transpose_row(i);
+        }
+    }
+
+    /// Exchanges row i before the diagonal with column i above it.
+    pub fn transpose_row(&mut self, i: usize) {
+        let (above, rest) = self.rows.split_at_mut_checked(i).unwrap_or_default();
+        let row = rest.first_mut().into_iter().flatten();
+        for (x, other) in row.zip(above) {
+            if let Some(y) = other.get_mut(i) {
+                core::mem::swap(x, y);
             }
         }
-        columns
     }
 }
 

@@ -42,7 +42,7 @@ enum Phase {
     Collect,
     /// A row of the next block.
     Advance,
-    /// The triangle into columns.
+    /// A row of the triangle into a column.
     Transpose,
     /// A pair of columns.
     Rotate,
@@ -159,9 +159,12 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
             }
             Phase::Advance => self.advance(f, Phase::Collect),
             Phase::Transpose => {
-                self.triangle.rows = self.triangle.columns();
-                self.phase = Phase::Rotate;
-                self.at = (0, 1);
+                self.triangle.transpose_row(self.at.0);
+                self.at.0 += 1;
+                if self.at.0 >= N {
+                    self.phase = Phase::Rotate;
+                    self.at = (0, 1);
+                }
             }
             Phase::Rotate => {
                 if self.rotate(0, N) {
