@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 use crate::attitude::Rfu;
 use crate::error::Error;
+use crate::linalg::all_finite;
 
 /// Increments over one sample, body axes right-forward-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,10 +100,7 @@ impl ImuIncrement {
     #[inline(never)]
     fn fault(&self, limits: &ImuLimits) -> Error {
         let (t, v) = (&self.delta_theta_b, &self.delta_v_b);
-        if ![t.x, t.y, t.z, v.x, v.y, v.z, self.dt]
-            .iter()
-            .all(|x| x.is_finite())
-        {
+        if !all_finite(&[t.x, t.y, t.z, v.x, v.y, v.z, self.dt]) {
             Error::NonFinite
         } else if !(self.dt > 0.0 && self.dt >= limits.dt_min && self.dt <= limits.dt_max) {
             Error::Time

@@ -322,7 +322,7 @@ fn check_biases(b_g: &Vector3<f32>, b_a: &Vector3<f32>) -> Result<(), Error> {
     if good {
         return Ok(());
     }
-    if b_g.iter().chain(b_a.iter()).all(|x| x.is_finite()) {
+    if all_finite(b_g.as_slice()) && all_finite(b_a.as_slice()) {
         Err(Error::OutOfRange)
     } else {
         Err(Error::NonFinite)

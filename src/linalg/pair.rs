@@ -80,6 +80,12 @@ impl<T: Real> Pair<T> {
         })
     }
 
+    /// self − a b
+    #[inline(never)]
+    pub fn less(self, a: Self, b: Self) -> Self {
+        self.sub(a.mul(b))
+    }
+
     #[inline(never)]
     pub fn mul(self, other: Self) -> Self {
         let p = Self::product(self.hi, other.hi);

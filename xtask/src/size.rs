@@ -221,11 +221,42 @@ pub fn unused_is_absent(report: &mut Report, toolchain: &Toolchain) {
     });
 }
 
+/// What the least program may take at opt-level 3: code, constants and the table of vectors.
+const LEAST_FLASH: u64 = 40 * 1024;
+
+/// The least program keeps within its flash.
+pub fn least_fits(report: &mut Report, toolchain: &Toolchain) {
+    report.check("flash: the least program fits into 40 KiB", || {
+        packages::ready(&[NM])?;
+        let flash = flash(&sections(&Build::plain(LEAST).elf(toolchain)?)?);
+        if flash > LEAST_FLASH {
+            bail!("{LEAST} takes {flash} bytes of flash, {LEAST_FLASH} are allowed");
+        }
+        Ok(())
+    });
+}
+
+/// Bytes of the sections that lie in flash, from the lines of `size -A`.
+fn flash(sections: &str) -> u64 {
+    const STORED: [&str; 4] = [".vector_table", ".text", ".rodata", ".data"];
+    let bytes = sections.lines().filter_map(|line| {
+        let mut fields = line.split_whitespace();
+        let stored = STORED.contains(&fields.next()?);
+        let length: u64 = fields.next()?.parse().ok()?;
+        stored.then_some(length)
+    });
+    bytes.sum()
+}
+
+/// What `size -A` prints of a firmware.
+fn sections(elf: &Path) -> Result<String> {
+    shell::run(shell::command("arm-none-eabi-size").arg("-A").arg(elf))
+}
+
 /// The code of a firmware, two bytes at a time, with the stack of inlined functions that they come from.
 fn attribute(elf: &Path) -> Result<Vec<(Vec<Frame>, u64)>> {
     packages::ready(&[NM])?;
-    let sections = shell::run(shell::command("arm-none-eabi-size").arg("-A").arg(elf))?;
-    let (start, length) = sections
+    let (start, length) = sections(elf)?
         .lines()
         .find_map(code)
         .context("the section .text")?;
@@ -338,6 +369,13 @@ mod tests {
                 "| **`minimal`** | 1,001 | 2 | 4 |"
             ]
         );
+    }
+
+    #[test]
+    fn what_is_stored_is_summed() {
+        let sections = "section  size  addr\n.vector_table  1024  0\n.text  39000  1024\n.rodata  700  40024\n\
+                        .data  4  536870912\n.bss  900  536870916\n.debug_info  9000  0\nTotal  50628";
+        assert_eq!(flash(sections), 40_728);
     }
 
     #[test]

@@ -27,6 +27,7 @@ pub fn run(full: bool) -> Result<ExitCode> {
         panics::prove(&mut report, &toolchain)?;
         pairs::compare(&mut report, &toolchain)?;
         size::unused_is_absent(&mut report, &toolchain);
+        size::least_fits(&mut report, &toolchain);
         bench::check(&mut report, &toolchain);
     }
     Ok(report.finish())
