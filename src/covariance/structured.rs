@@ -118,6 +118,12 @@ fn row<T: Real, const I: usize>(x: &Block<T>) -> Line<T> {
     [x[0][I], x[1][I], x[2][I]]
 }
 
+/// The same block for a call: the places of its columns need no room of their own beyond it.
+#[inline(always)]
+fn again<'a, T>([x, y, z]: &'a mut Block<'_, T>) -> Block<'a, T> {
+    [x, y, z]
+}
+
 /// Adds the noise of state 3·K + I + 3 to element I.
 #[inline(always)]
 fn noise<T: Real, const K: usize, const I: usize>(t: &mut Line<T>, q: &[T; 12]) {
@@ -145,14 +151,9 @@ fn add_line<T: Real, const B: usize, const I: usize>(
 
 /// A block above the diagonal in the columns B of states that only fade: `b` of A P is added, and becomes that of P + A P.
 #[inline(never)]
-fn add_fading<T: Real, const B: usize>(
-    hi: &mut Part<T>,
-    lo: &mut Part<T>,
-    fade: T,
-    b: &mut Block<T>,
-) {
+fn add_fading<T: Real, const B: usize>(hi: &mut Part<T>, lo: &mut Part<T>, fade: T, b: Block<T>) {
     each!(I => {
-        let x = row::<T, I>(b);
+        let x = row::<T, I>(&b);
         let q = sum(line_of::<T, B, I>(hi), x);
         add_line::<T, B, I>(hi, lo, scaled(x, fade, q));
         if B == 3 {
@@ -167,13 +168,13 @@ fn add_attitude<T: Real>(
     hi: &mut Part<T>,
     lo: &mut Part<T>,
     t: &BlockTransition<T>,
-    b: &Block<T>,
-    q3: &Block<T>,
+    b: Block<T>,
+    q3: Block<T>,
 ) {
     each!(I => {
-        let x = row::<T, I>(b);
+        let x = row::<T, I>(&b);
         let q = sum(line_of::<T, 2, I>(hi), x);
-        add_line::<T, 2, I>(hi, lo, full(hollow(x, &t.a22, q), &t.a23, row::<T, I>(q3)));
+        add_line::<T, 2, I>(hi, lo, full(hollow(x, &t.a22, q), &t.a23, row::<T, I>(&q3)));
     });
 }
 
@@ -281,7 +282,7 @@ impl<T: Real> Covariance15<T> {
     #[inline(always)]
     fn add_fading<const A: usize, const B: usize>(&mut self, fade: T, b: &mut Block<T>) {
         if let Some((hi, lo)) = self.part::<A, B>() {
-            add_fading::<T, B>(hi, lo, fade, b);
+            add_fading::<T, B>(hi, lo, fade, again(b));
         }
     }
 
@@ -290,11 +291,11 @@ impl<T: Real> Covariance15<T> {
     fn add_attitude<const A: usize>(
         &mut self,
         t: &BlockTransition<T>,
-        b: &Block<T>,
-        q3: &Block<T>,
+        b: &mut Block<T>,
+        q3: &mut Block<T>,
     ) {
         if let Some((hi, lo)) = self.part::<A, 2>() {
-            add_attitude(hi, lo, t, b, q3);
+            add_attitude(hi, lo, t, again(b), again(q3));
         }
     }
 
@@ -310,20 +311,20 @@ impl<T: Real> Covariance15<T> {
         let mut room = [const { [const { MaybeUninit::uninit() }; 3] }; 10];
         // seen from outside, so that it is memory and not three dozen registers
         let [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9] = black_box(&mut room);
-        let b12 = self.row_1::<2>(t, r0);
+        let mut b12 = self.row_1::<2>(t, r0);
         let mut b14 = self.row_1::<4>(t, r1);
         let b11 = self.row_1::<1>(t, r2);
         let b10 = self.row_1::<0>(t, r3);
         let mut b13 = self.row_1::<3>(t, r4);
         let mut b03 = self.row_0::<3>(t, r5);
         let mut b04 = self.row_0::<4>(t, r6);
-        let b02 = self.row_0::<2>(t, r7);
+        let mut b02 = self.row_0::<2>(t, r7);
         let b00 = self.row_0::<0>(t, r8);
         let b01 = self.row_0::<1>(t, r9);
         self.add_fading::<0, 3>(t.a33, &mut b03);
         self.add_fading::<1, 3>(t.a33, &mut b13);
-        self.add_attitude::<0>(t, &b02, &b03);
-        self.add_attitude::<1>(t, &b12, &b13);
+        self.add_attitude::<0>(t, &mut b02, &mut b03);
+        self.add_attitude::<1>(t, &mut b12, &mut b13);
         self.add_fading::<0, 4>(t.a44, &mut b04);
         self.add_fading::<1, 4>(t.a44, &mut b14);
         each!(I => {

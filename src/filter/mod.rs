@@ -177,10 +177,21 @@ impl Filter {
     /// to bring up to date.
     #[inline(never)]
     pub fn synchronize_watched(&mut self, mut watch: impl FnMut(&BlockTransition<f32>)) {
-        let total = self.interval.dt;
-        if total <= 0.0 {
+        if self.interval.dt <= 0.0 {
             return;
         }
+        for _ in 0..self.form_transition() {
+            self.covariance.propagate_blocks(&self.transition);
+            watch(&self.transition);
+        }
+        self.interval = Interval::default();
+    }
+
+    /// The transition of one of the equal parts that the interval is divided into; returns how many there are. For itself:
+    /// what it puts on the stack does not lie below the propagation.
+    #[inline(never)]
+    fn form_transition(&mut self) -> u8 {
+        let total = self.interval.dt;
         let environment = self.environment();
         let mut parts = 1u8;
         while total > f32::from(parts) * (1.5 * MAX_STEP) && parts < u8::MAX {
@@ -194,11 +205,7 @@ impl Filter {
         }
         let transition = &mut self.transition;
         block_transition_into(&environment, &self.interval, &self.scaling, transition);
-        for _ in 0..parts {
-            self.covariance.propagate_blocks(transition);
-            watch(transition);
-        }
-        self.interval = Interval::default();
+        parts
     }
 
     /// Forgets what is known of some states: each becomes independent of all others, with a standard deviation of
