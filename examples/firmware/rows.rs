@@ -150,15 +150,11 @@ fn navigator(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt
     let fix = fix(filter.nav()).map_err(refused)?;
     let measurement = fix.linearize(filter.nav());
     table.row(
-        "six-row fix on a lever arm with ξ1 and ξ2",
+        "six-row fix on a lever arm, rows formed, with ξ1 and ξ2",
         "f32",
-        (
-            settled(filter, &measurement)?,
-            measurement,
-            UpdateReport::empty(),
-        ),
-        |(filter, measurement, report)| {
-            filter.update_into(measurement, report)?;
+        (settled(filter, &measurement)?, fix, UpdateReport::empty()),
+        |(filter, fix, report)| {
+            filter.update_into(&fix.linearize(filter.nav()), report)?;
             Xi::of(report)
         },
     )?;

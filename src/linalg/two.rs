@@ -25,14 +25,42 @@ pub struct Two {
 }
 
 impl Two {
-    /// Nearest pair to a double.
+    /// Nearest pair to a double: 48 of its 53 places.
+    ///
+    /// By its bits, which a processor without double precision does in a fifth of the instructions.
     #[inline]
     pub fn of(x: f64) -> Self {
+        const PLACES: u32 = 29; // that an f32 has not
+        let bits = x.to_bits();
+        let exponent = (bits >> 52) as u32 & 0x7ff;
+        if !(963..=1149).contains(&exponent) {
+            return Self::of_any(x); // 2⁻⁶⁰ and 2¹²⁷: beyond them, a factor below is none
+        }
+        let up = (bits >> (PLACES - 1)) as u32 & 1;
+        let top = ((bits >> PLACES) as u32 & 0x7f_ffff | 0x80_0000) + up;
+        let rest = (bits as u32 & 0x1fff_ffff) as i32 - ((up << PLACES) as i32);
+        let sign = (bits >> 32) as u32 & 0x8000_0000;
+        let factor = |less: u32| f32::from_bits(sign | (exponent - 896 - less) << 23);
+        Self {
+            hi: top as f32 * factor(23),
+            lo: rest as f32 * factor(52),
+        }
+    }
+
+    /// Nearest pair to zero, to what is as good as zero, and to what no f32 holds.
+    #[cold]
+    fn of_any(x: f64) -> Self {
         let hi = x as f32;
         Self {
             hi,
             lo: (x - f64::from(hi)) as f32,
         }
+    }
+
+    /// This less another, to one word: right to rounding however near they are.
+    #[inline(always)]
+    pub(crate) fn less(self, other: Self) -> f32 {
+        (self.hi - other.hi) + (self.lo - other.lo)
     }
 
     /// The value in double precision.
@@ -45,5 +73,40 @@ impl Two {
     #[inline(always)]
     pub fn add(&mut self, d: f32) {
         (self.hi, self.lo) = two_add(self.hi, self.lo, d);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_is_the_double_to_48_places() {
+        let mut x = 1e-22_f64;
+        while x < 1e40 {
+            for x in [x, -x] {
+                let Two { hi, lo } = Two::of(x);
+                let error = (f64::from(hi) - x) + f64::from(lo);
+                if hi.is_finite() {
+                    assert!(
+                        f64::from(lo).abs() <= f64::from(hi).abs() * 2f64.powi(-24),
+                        "{x:e}"
+                    );
+                    // lo is rounded to a half of its last place, 2⁻²⁴ of what is at most 2⁻²⁴ of x; or is below 2⁻¹⁴⁹
+                    assert!(
+                        error.abs() <= x.abs() * 2f64.powi(-48) + 1e-45,
+                        "{x:e}: {error:e}"
+                    );
+                } else {
+                    assert!(x.abs() > f64::from(f32::MAX));
+                }
+            }
+            x *= 1.000_731;
+        }
+        for x in [0.0, 1.0, -2.0, 0.1_f32 as f64, f64::from(f32::MIN_POSITIVE)] {
+            assert_eq!(Two::of(x).wide(), x);
+        }
+        assert!(Two::of(f64::NAN).hi.is_nan());
+        assert_eq!(Two::of(f64::INFINITY).hi, f32::INFINITY);
     }
 }

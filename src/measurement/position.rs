@@ -96,9 +96,8 @@ impl Position {
             .decorrelated(&(self.displacement(nav) - offset))
     }
 
-    /// `new` has checked z, so there always is a displacement; a NaN would be refused at the filter's door.
+    /// `new` has checked z.
     fn displacement(&self, nav: &NavState) -> Vector3<f32> {
-        nav.displacement_to(&self.z)
-            .unwrap_or(Vector3::repeat(f32::NAN))
+        nav.displacement_to_checked(&self.z)
     }
 }

@@ -18,7 +18,7 @@ const WORKS: [&str; 4] = [
     "covariance propagation",
     "one-row update with ξ1 and ξ2",
     "three-row velocity update with ξ1 and ξ2",
-    "six-row fix on a lever arm with ξ1 and ξ2",
+    "six-row fix on a lever arm, rows formed, with ξ1 and ξ2",
 ];
 
 /// A function with less than this part of the work goes into the last line.
