@@ -195,13 +195,14 @@ pub fn normalized<T: Real>(q: [T; 4]) -> Result<[T; 4], Error> {
 ///
 /// Without the 1, small rotations keep all their digits. The series is good to f32 rounding up to |φ| = 2π, one turn.
 /// For corrections and tests; the mechanization has a shorter one.
+#[inline]
 pub fn rotation_minus_one(phi: &Vector3<f32>) -> [f32; 4] {
     // (|φ|/2)²
     let p = 0.25 * (phi.x * phi.x + phi.y * phi.y + phi.z * phi.z);
     // sin y/y and 2(1 − cos y)/y² of y² = p: 2·3, 4·5, … and 3·4, 5·6, …
-    // Below 0.06 rad the terms after these three are less than a hundredth of the last place.
+    // Below 0.06 rad the terms after these two are less than a hundredth of the last place.
     let (sine, cosine) = if p < 1e-3 {
-        (nested(p, &SINE[6..]), nested(p, &COSINE[5..]))
+        (nested(p, &SINE[7..]), nested(p, &COSINE[6..]))
     } else {
         (nested(p, looped(&SINE)), nested(p, looped(&COSINE)))
     };

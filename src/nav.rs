@@ -143,14 +143,13 @@ impl NavState {
             };
         }
         each_state!(one);
-        let dx = &scaled;
-        if !size.is_finite() && !dx.iter().all(|x| x.is_finite()) {
-            return Err(Error::NonFinite);
-        }
         if size == 0.0 {
             return Ok(());
         }
-        let &[r_e, r_n, r_u, dv_e, dv_n, dv_u, psi_e, psi_n, psi_u, ref biases @ ..] = dx;
+        if !size.is_finite() && !finite_product(dx, unit) {
+            return Err(Error::NonFinite);
+        }
+        let &[r_e, r_n, r_u, dv_e, dv_n, dv_u, psi_e, psi_n, psi_u, ref biases @ ..] = &scaled;
         let &[bg_x, bg_y, bg_z, ba_x, ba_y, ba_z] = biases;
         // of the last samples: 7 m off at most, which is a millionth
         let (inv_r_m, inv_r_n, tan_lat) = self.strapdown.curvature();
@@ -176,16 +175,13 @@ impl NavState {
         lon.add(-r_e * now.inv_parallel());
         height.add(-r_u);
         let [mut v_e, mut v_n, mut v_u] = now.v_n;
-        v_e.add(-dv_e);
-        v_n.add(-dv_n);
-        v_u.add(-dv_u);
         // The turn of v to second order of δθ, which is a milliradian at 6 km.
-        let v = Vector3::new(v_e.hi, v_n.hi, v_u.hi);
+        let v = Vector3::new(v_e.hi - dv_e, v_n.hi - dv_n, v_u.hi - dv_u);
         let t = delta_theta.cross(&v);
         let t2 = delta_theta.cross(&t);
-        v_e.add(t.x + 0.5 * t2.x);
-        v_n.add(t.y + 0.5 * t2.y);
-        v_u.add(t.z + 0.5 * t2.z);
+        v_e.add(t.x + 0.5 * t2.x - dv_e);
+        v_n.add(t.y + 0.5 * t2.y - dv_n);
+        v_u.add(t.z + 0.5 * t2.z - dv_u);
         let lon = admit(&lat, lon, &height, [v_e.hi, v_n.hi, v_u.hi])?;
         // accepted: from here on nothing can fail
         let s = &mut self.strapdown;
@@ -196,7 +192,7 @@ impl NavState {
             q.add(d);
         }
         // a turn this small keeps the length to 2e-9, and the mechanization looks after it within five samples
-        if phi2 < 4e-3 {
+        if 0.25 * phi2 < 1e-3 {
             s.renew_next();
         } else {
             s.settle();
@@ -332,17 +328,29 @@ fn short_way(mut d: f64) -> f32 {
 }
 
 fn check_biases(b_g: &Vector3<f32>, b_a: &Vector3<f32>) -> Result<(), Error> {
-    // written as what is good: a NaN fails
-    let mut good = true;
-    for (g, a) in b_g.iter().zip(b_a.iter()) {
-        good &= g.abs() <= MAX_GYRO_BIAS && a.abs() <= MAX_ACCEL_BIAS;
-    }
-    if good {
+    // at a glance; written as what is good: a NaN fails
+    let sum = |b: &Vector3<f32>| b.x.abs() + b.y.abs() + b.z.abs();
+    if sum(b_g) <= MAX_GYRO_BIAS && sum(b_a) <= MAX_ACCEL_BIAS {
         return Ok(());
     }
-    if all_finite(b_g.as_slice()) && all_finite(b_a.as_slice()) {
-        Err(Error::OutOfRange)
-    } else {
+    look_at_biases(b_g, b_a)
+}
+
+/// One axis after the other.
+#[cold]
+#[inline(never)]
+fn look_at_biases(b_g: &Vector3<f32>, b_a: &Vector3<f32>) -> Result<(), Error> {
+    if !all_finite(b_g.as_slice()) || !all_finite(b_a.as_slice()) {
         Err(Error::NonFinite)
+    } else if b_g.amax() <= MAX_GYRO_BIAS && b_a.amax() <= MAX_ACCEL_BIAS {
+        Ok(())
+    } else {
+        Err(Error::OutOfRange)
     }
+}
+
+#[cold]
+#[inline(never)]
+fn finite_product(x: &[f32], y: &[f32]) -> bool {
+    x.iter().zip(y).all(|(x, y)| (x * y).is_finite())
 }

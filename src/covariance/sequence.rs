@@ -32,7 +32,7 @@ pub(super) struct Sequence<T, const M: usize> {
 pub(super) fn sequence<T: Real, const M: usize, const N: usize>(
     hph: &[[T; M]; M],
     nu: &[T; M],
-    rows: &Lines<'_, T, M, N>,
+    rows: &Lines<'_, T, M>,
     out: &mut Slots<'_, T, M, N>,
 ) -> Option<Sequence<T, M>> {
     let zero = T::zero();

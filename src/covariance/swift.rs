@@ -70,7 +70,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(always)]
     pub(super) fn update_block<const M: usize, const FIRST: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
@@ -90,14 +90,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(always)]
     pub(super) fn update_swiftly<const M: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
+        h: Pattern<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
         if N != STATES {
             return Ok(false);
         }
-        self.update_formed(out, accept, |p, out, work| p.form_any(rows, out, work))
+        self.update_formed(out, accept, |p, out, work| p.form_any(rows, h, out, work))
     }
 
     /// The same of the six rows of [`Six`].
@@ -105,7 +106,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     pub(crate) fn update_six<const M: usize>(
         &mut self,
         six: &Six<T>,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
@@ -136,7 +137,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     fn form_six<const M: usize>(
         &self,
         six: &Six<T>,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
         work: &mut Work<T, M, N>,
     ) -> bool {
@@ -152,7 +153,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(never)]
     fn form_block<const M: usize, const FIRST: usize>(
         &self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
         work: &mut Work<T, M, N>,
         direct: &mut Direct<T, M>,
@@ -178,12 +179,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(never)]
     fn form_any<const M: usize>(
         &self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
+        h: Pattern<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         work: &mut Work<T, M, N>,
     ) -> bool {
         let mut nu = *rows.nu;
-        let hph = match rows.h {
+        let hph = match h {
             Pattern::Direct { first } => {
                 nu = nu.map(|x| -x); // both signs turned
                 self.direct_panel(first, &mut work.c)

@@ -56,12 +56,11 @@ pub struct Update<T, const M: usize, const N: usize> {
     pub p_after: [T; N],
 }
 
-/// M rows as the kernels read them.
-pub(crate) struct Lines<'a, T, const M: usize, const N: usize> {
+/// The numbers of M rows as the kernels read them.
+pub(crate) struct Lines<'a, T, const M: usize> {
     pub nu: &'a [T; M],
     pub r: &'a [T; M],
     pub gate: Option<T>,
-    pub h: Pattern<'a, T, M, N>,
 }
 
 /// [`Observation`], borrowed.
@@ -152,10 +151,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             nu: &rows.nu,
             r: &rows.r,
             gate: rows.gate,
-            h: match &rows.h {
-                Observation::Direct { first } => Pattern::Direct { first: *first },
-                Observation::Dense(h) => Pattern::Dense { h, unit: &one },
-            },
+        };
+        let h = match &rows.h {
+            Observation::Direct { first } => Pattern::Direct { first: *first },
+            Observation::Dense(h) => Pattern::Dense { h, unit: &one },
         };
         let mut slots = Slots {
             s: &mut out.s,
@@ -167,59 +166,54 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             p_before: &mut out.p_before,
             p_after: &mut out.p_after,
         };
-        self.update_into(&lines, considered, &mut slots, &mut accept)?;
+        self.update_into(&lines, h, considered, &mut slots, &mut accept)?;
         Ok(out)
     }
 
     /// The update with its outcome written where the caller has room for it; after an error there may be anything.
     #[inline(always)]
-    pub(crate) fn update_into<const M: usize>(
+    fn update_into<const M: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
+        h: Pattern<'_, T, M, N>,
         considered: u32,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         const { assert!(M > 0, "an update has rows") };
-        match rows.h {
+        match h {
             Pattern::Direct { first: 2 } if M == 1 => {
                 self.update_states::<M, 2>(rows, considered, out, accept)
             }
             Pattern::Direct { first: 3 } if M == 3 => {
                 self.update_states::<M, 3>(rows, considered, out, accept)
             }
-            _ => self.update_any(rows, considered, out, accept),
+            _ => self.update_any(rows, h, considered, out, accept),
         }
     }
 
-    /// [`Covariance::update_into`] of rows of which nothing is known before the program runs.
+    /// The same of rows of which nothing is known before the program runs.
     #[inline(always)]
     pub(crate) fn update_any<const M: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
+        h: Pattern<'_, T, M, N>,
         considered: u32,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         const { Self::SIZE };
-        if considered == 0 && self.update_swiftly(rows, out, accept)? {
+        if considered == 0 && self.update_swiftly(rows, h, out, accept)? {
             return Ok(());
         }
-        let h = match rows.h {
-            Pattern::Direct { first } => careful::Pattern::Direct { first },
-            Pattern::Dense { h, unit } => careful::Pattern::Dense {
-                h: h.as_slice(),
-                unit,
-            },
-        };
-        self.carefully(rows, h, considered, out, accept)
+        self.update_carefully_by(rows, h, considered, out, accept)
     }
 
-    /// [`Covariance::update_into`] of rows that are −1 on the states from FIRST on, whatever `rows.h` says.
+    /// The same of rows that are −1 on the states from FIRST on.
     #[inline(always)]
     pub(crate) fn update_states<const M: usize, const FIRST: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
         considered: u32,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
@@ -232,20 +226,22 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         self.carefully(rows, h, considered, out, accept)
     }
 
-    /// The careful update of rows h, whatever `rows.h` says; column j times `unit[j]`.
+    /// The same in double words from the start.
     #[inline(always)]
-    pub(crate) fn update_dense_carefully<const M: usize>(
+    pub(crate) fn update_carefully_by<const M: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
-        h: &SMatrix<T, M, N>,
-        unit: &[T; N],
+        rows: &Lines<'_, T, M>,
+        h: Pattern<'_, T, M, N>,
         considered: u32,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let h = careful::Pattern::Dense {
-            h: h.as_slice(),
-            unit,
+        let h = match h {
+            Pattern::Direct { first } => careful::Pattern::Direct { first },
+            Pattern::Dense { h, unit } => careful::Pattern::Dense {
+                h: h.as_slice(),
+                unit,
+            },
         };
         self.carefully(rows, h, considered, out, accept)
     }
@@ -255,7 +251,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(never)]
     fn carefully<const M: usize>(
         &mut self,
-        rows: &Lines<'_, T, M, N>,
+        rows: &Lines<'_, T, M>,
         h: careful::Pattern<'_, T, N>,
         considered: u32,
         out: &mut Slots<'_, T, M, N>,

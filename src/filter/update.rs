@@ -101,11 +101,10 @@ impl Filter {
             units_from::<M, POS>,
             |p, job, out, accept| {
                 let six = rows.in_units(job.sigma0);
-                let lines = job.lines(Pattern::Direct { first: POS });
-                if job.considered == 0 && p.update_six(&six, &lines, out, accept)? {
+                if job.considered == 0 && p.update_six(&six, &job.lines, out, accept)? {
                     return Ok(());
                 }
-                update_in_full(p, rows, job.sigma0, &lines, job.considered, out, accept)
+                update_in_full(p, rows, job, out, accept)
             },
         )
     }
@@ -123,8 +122,7 @@ impl Filter {
             report,
             units_from::<M, FIRST>,
             |p, job, out, accept| {
-                let lines = job.lines(Pattern::Direct { first: FIRST });
-                p.update_states::<M, FIRST>(&lines, job.considered, out, accept)
+                p.update_states::<M, FIRST>(&job.lines, job.considered, out, accept)
             },
         )
     }
@@ -149,15 +147,15 @@ impl Filter {
             unit
         };
         self.update_by(given, report, unit, |p, job, out, accept| {
-            let lines = job.lines(match h {
+            let h = match h {
                 Jacobian::Direct { first } => Pattern::Direct { first: *first },
                 Jacobian::Dense(h) => Pattern::Dense {
                     h,
                     unit: job.sigma0,
                 },
                 Jacobian::Antenna(_) => return Err(Error::OutOfRange), // never: made dense by the caller
-            });
-            p.update_any(&lines, job.considered, out, accept)
+            };
+            p.update_any(&job.lines, h, job.considered, out, accept)
         })
     }
 
@@ -180,7 +178,11 @@ impl Filter {
         self.synchronize();
         let (nav, sigma0) = (&mut self.nav, &self.sigma0);
         let job = Job {
-            given,
+            lines: Lines {
+                nu: &given.nu,
+                r: &given.r,
+                gate: given.gate,
+            },
             sigma0,
             considered: u32::from(self.considered),
         };
@@ -206,21 +208,9 @@ fn units_from<const M: usize, const FIRST: usize>(sigma0: &[f32; N]) -> [f32; M]
 /// What a kernel needs of a measurement and of the filter.
 struct Job<'a, const M: usize> {
     /// In the units of the rows.
-    given: &'a Given<M>,
+    lines: Lines<'a, f32, M>,
     sigma0: &'a [f32; N],
     considered: u32,
-}
-
-impl<const M: usize> Job<'_, M> {
-    #[inline(always)]
-    fn lines<'a>(&'a self, h: Pattern<'a, f32, M, N>) -> Lines<'a, f32, M, N> {
-        Lines {
-            nu: &self.given.nu,
-            r: &self.given.r,
-            gate: self.given.gate,
-            h,
-        }
-    }
 }
 
 /// The careful update by the rows of an antenna in full, each in the unit of the state it is −1 on.
@@ -229,17 +219,19 @@ impl<const M: usize> Job<'_, M> {
 fn update_in_full<const M: usize>(
     p: &mut Covariance15<f32>,
     rows: &AntennaRows,
-    sigma0: &[f32; N],
-    lines: &Lines<'_, f32, M, N>,
-    considered: u32,
+    job: &Job<'_, M>,
     out: &mut Slots<'_, f32, M, N>,
     accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let mut h = rows.dense::<M>();
-    for (mut row, unit) in h.row_iter_mut().zip(sigma0.iter().skip(POS)) {
+    for (mut row, unit) in h.row_iter_mut().zip(job.sigma0.iter().skip(POS)) {
         row /= *unit;
     }
-    p.update_dense_carefully(lines, &h, sigma0, considered, out, accept)
+    let h = Pattern::Dense {
+        h: &h,
+        unit: job.sigma0,
+    };
+    p.update_carefully_by(&job.lines, h, job.considered, out, accept)
 }
 
 /// The numbers of a measurement, without its rows.
@@ -254,7 +246,7 @@ impl<const M: usize> Given<M> {
     /// Refuses what no sensor can have sent.
     #[inline(always)]
     fn check(&self) -> Result<(), Error> {
-        let mut good = self.interval.finite();
+        let mut good = self.interval.abs() <= f32::MAX;
         each_row!(m; {
             good &= self.nu[m].abs() <= MAX_MAGNITUDE;
             good &= (f32::MIN_POSITIVE..=MAX_VARIANCE).contains(&self.r[m]);
@@ -276,7 +268,7 @@ impl<const M: usize> Given<M> {
             self.r[m] /= unit[m] * unit[m];
             sum += (self.nu[m] + self.r[m]) * 0.0; // NaN where one is not finite
         });
-        if sum.finite() {
+        if sum == 0.0 {
             Ok(())
         } else {
             Err(Error::OutOfRange)

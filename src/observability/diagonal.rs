@@ -60,46 +60,33 @@ pub struct Xi<T, const N: usize> {
 }
 
 impl Xi<f32, 15> {
-    /// Both indices of one update.
+    /// Both indices of an update that succeeded: it has left no variance that is not positive, and no negative decrease.
     ///
     /// # Errors
-    /// [`Error::Variance`] as [`xi2`].
+    /// [`Error::Variance`] as [`xi2`], for a report that no update has written.
     #[inline(always)] // so that the indices are written where the caller wants them
     pub fn of<const M: usize>(report: &UpdateReport<M>) -> Result<Self, Error> {
-        // spelled out: at opt-level "s" a loop over arrays costs five times as much
-        let (decrease, p) = (&report.decrease, &report.p_after);
-        let (mut signs, mut sum) = (0, 0.0);
-        macro_rules! look {
-            ($i:literal) => {
-                signs |= decrease[$i].sign_word() | p[$i].sign_word();
-                sum += decrease[$i];
-                sum += p[$i];
-            };
-        }
-        each_state!(look);
-        if signs >> 31 != 0 || !sum.finite() {
-            return Self::of_any(report);
-        }
-        let known = report.interval > 0.0 && report.interval.finite();
-        let per_second = if known { 1.0 / report.interval } else { 0.0 };
+        let available = u32::from(report.normalised);
         let mut xi = Self {
             xi1: Index::new([1.0; 15], 0),
-            xi2: Index::new([1.0; 15], u32::from(report.normalised)),
+            xi2: Index::new([1.0; 15], available),
         };
-        if known {
-            xi.xi1.available = xi.xi2.available;
+        let (mut per_second, mut sum) = (0.0, 0.0);
+        if (f32::MIN_POSITIVE..=f32::MAX).contains(&report.interval) {
+            per_second = 1.0 / report.interval;
+            xi.xi1.available = available;
         }
-        let mut inverse_sum = 0.0;
+        // spelled out: at opt-level "s" a loop over arrays costs five times as much
         macro_rules! fill {
             ($i:literal) => {
-                xi.xi1.value[$i] = decrease[$i] * per_second;
-                let inverse = 1.0 / p[$i];
-                inverse_sum += inverse;
+                let (decrease, inverse) = (report.decrease[$i], 1.0 / report.p_after[$i]);
+                xi.xi1.value[$i] = decrease * per_second;
                 xi.xi2.value[$i] = inverse;
+                sum += decrease * inverse;
             };
         }
         each_state!(fill);
-        if inverse_sum.finite() {
+        if sum.finite() {
             Ok(xi)
         } else {
             Self::of_any(report) // a variance of zero, which may be legal
