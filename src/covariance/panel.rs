@@ -78,7 +78,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             };
         }
         each_state!(column);
-        let mut hph = [[T::zero(); M]; M];
+        let mut hph = const { [[T::ZERO; M]; M] };
         each_row!(m; {
             let row = &c[m];
             macro_rules! c {
@@ -99,12 +99,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         first: usize,
         c: &mut [[T; N]; M],
     ) -> [[T; M]; M] {
-        let mut hph = [[T::zero(); M]; M];
+        let mut hph = const { [[T::ZERO; M]; M] };
         for (m, c) in c.iter_mut().enumerate() {
             *c = if first + m < N {
                 column::<T, N>(&self.hi, first + m)
             } else {
-                [T::zero(); N]
+                const { [T::ZERO; N] }
             };
             for (g, c) in hph.iter_mut().zip(c.iter().skip(first)) {
                 g[m] = *c;
@@ -130,7 +130,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             }
             each_state!(one);
         }
-        let mut hph = [[zero; M]; M];
+        let mut hph = const { [[T::ZERO; M]; M] };
         let columns = &h.data.0;
         let mut seen = [false; 5];
         macro_rules! panel {

@@ -36,10 +36,10 @@ pub(super) fn sequence<T: Real, const M: usize, const N: usize>(
     out: &mut Slots<'_, T, M, N>,
 ) -> Option<Sequence<T, M>> {
     let zero = T::zero();
-    let mut l = [[zero; M]; M];
-    let mut inverse = [zero; M];
-    let mut gain = [zero; M];
-    let mut w = [[zero; M]; M]; // w[m][k] = l[m][k] s_k
+    let mut l = const { [[T::ZERO; M]; M] };
+    let mut inverse = const { [T::ZERO; M] };
+    let mut gain = const { [T::ZERO; M] };
+    let mut w = const { [[T::ZERO; M]; M] }; // w[m][k] = l[m][k] s_k
     let mut sum = zero;
     each_row!(m; {
         let r = rows.r[m];

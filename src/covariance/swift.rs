@@ -26,14 +26,6 @@ const STATES: usize = 15;
 /// FIRST of rows that measure no state by itself.
 const NONE: usize = STATES;
 
-/// What is kept between the check of an update and its writing.
-struct Work<T, const M: usize, const N: usize> {
-    /// P h of each row, less what the rows before it explain.
-    c: [[T; N]; M],
-    /// 1/s; zero for a row that was gated out.
-    inverse: [T; M],
-}
-
 /// Of rows that measure states by themselves: K R of a state is B c.
 struct Direct<T, const M: usize> {
     /// The diagonal of B's first factor …
@@ -42,26 +34,15 @@ struct Direct<T, const M: usize> {
     back: [[T; M]; M],
 }
 
-impl<T: Real, const M: usize, const N: usize> Work<T, M, N> {
-    /// Any numbers: all are written before they are read.
-    #[inline(always)]
-    fn new() -> Self {
-        Self {
-            c: [[T::one(); N]; M],
-            inverse: [T::one(); M],
-        }
-    }
-}
+/// P h of each row, less what the rows before it explain.
+type Reduced<T, const M: usize, const N: usize> = [[T; N]; M];
 
 impl<T: Real, const M: usize> Direct<T, M> {
-    /// Any numbers, likewise.
-    #[inline(always)]
-    fn new() -> Self {
-        Self {
-            shrink: [T::one(); M],
-            back: [[T::one(); M]; M],
-        }
-    }
+    /// Any numbers: all are written before they are read. As a constant they cost next to nothing, also at opt-level "z".
+    const NEW: Self = Self {
+        shrink: [T::ZERO; M],
+        back: [[T::ZERO; M]; M],
+    };
 }
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
@@ -77,12 +58,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES {
             return Ok(false); // known at compile time: of the constant indices below nothing is left then
         }
-        let (mut work, mut direct) = (Work::new(), Direct::new());
-        if !self.form_block::<M, FIRST>(rows, out, &mut work, &mut direct) {
+        let mut reduced = const { [[T::ZERO; N]; M] }; // written before it is read, as are these two
+        let (mut inverse, mut direct) = (const { [T::ZERO; M] }, Direct::NEW);
+        if !self.form_block::<M, FIRST>(rows, out, &mut reduced, &mut inverse, &mut direct) {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, FIRST>(&work, Some(&direct));
+        self.sweep::<M, FIRST>(&reduced, &inverse, Some(&direct));
         Ok(true)
     }
 
@@ -98,7 +80,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES {
             return Ok(false);
         }
-        self.update_formed(out, accept, |p, out, work| p.form_any(rows, h, out, work))
+        self.update_formed(out, accept, |p, out, reduced, inverse| {
+            p.form_any(rows, h, out, reduced, inverse)
+        })
     }
 
     /// The same of the six rows of [`Six`].
@@ -113,7 +97,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES || M != 6 {
             return Ok(false);
         }
-        self.update_formed(out, accept, |p, out, work| p.form_six(six, rows, out, work))
+        self.update_formed(out, accept, |p, out, reduced, inverse| {
+            p.form_six(six, rows, out, reduced, inverse)
+        })
     }
 
     /// The same of rows that measure no state by itself, whose panel `form` makes.
@@ -122,14 +108,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &mut self,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-        form: impl FnOnce(&Self, &mut Slots<'_, T, M, N>, &mut Work<T, M, N>) -> bool,
+        form: impl FnOnce(&Self, &mut Slots<'_, T, M, N>, &mut Reduced<T, M, N>, &mut [T; M]) -> bool,
     ) -> Result<bool, Error> {
-        let mut work = Work::new();
-        if !form(self, out, &mut work) {
+        let mut reduced = const { [[T::ZERO; N]; M] };
+        let mut inverse = const { [T::ZERO; M] };
+        if !form(self, out, &mut reduced, &mut inverse) {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, NONE>(&work, None);
+        self.sweep::<M, NONE>(&reduced, &inverse, None);
         Ok(true)
     }
 
@@ -139,12 +126,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         six: &Six<T>,
         rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
-        work: &mut Work<T, M, N>,
+        reduced: &mut Reduced<T, M, N>,
+        inverse: &mut [T; M],
     ) -> bool {
-        let hph = self.six_panel(six, &mut work.c);
-        // both signs turned, of the rows and of their innovations
-        match sequence(&hph, &rows.nu.map(|x| -x), rows, out) {
-            Some(q) => self.variances::<M, NONE>(&q, None, out, work),
+        let hph = self.six_panel(six, reduced);
+        match sequence(&hph, &turned(rows.nu), rows, out) {
+            Some(q) => self.variances::<M, NONE>(&q, None, out, reduced, inverse),
             None => false,
         }
     }
@@ -155,13 +142,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &self,
         rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
-        work: &mut Work<T, M, N>,
+        reduced: &mut Reduced<T, M, N>,
+        inverse: &mut [T; M],
         direct: &mut Direct<T, M>,
     ) -> bool {
-        let mut hph = [[T::zero(); M]; M];
+        let mut hph = const { [[T::ZERO; M]; M] };
         each_row!(m; { each_row!(k; hph[m][k] = self.hi[at(FIRST + m, FIRST + k)]); });
-        // both signs turned, of the rows and of their innovations
-        match sequence(&hph, &rows.nu.map(|x| -x), rows, out) {
+        match sequence(&hph, &turned(rows.nu), rows, out) {
             Some(q) if out.accepted.iter().all(|used| *used) => {
                 each_row!(m; {
                     direct.shrink[m] = q.inverse[m] * rows.r[m];
@@ -169,7 +156,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                         direct.back[m][k] = q.l[m][k] * (rows.r[k] / rows.r[m]);
                     });
                 });
-                self.variances::<M, FIRST>(&q, Some(direct), out, work)
+                self.variances::<M, FIRST>(&q, Some(direct), out, reduced, inverse)
             }
             _ => false,
         }
@@ -182,18 +169,19 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
-        work: &mut Work<T, M, N>,
+        reduced: &mut Reduced<T, M, N>,
+        inverse: &mut [T; M],
     ) -> bool {
         let mut nu = *rows.nu;
         let hph = match h {
             Pattern::Direct { first } => {
-                nu = nu.map(|x| -x); // both signs turned
-                self.direct_panel(first, &mut work.c)
+                nu = turned(&nu);
+                self.direct_panel(first, reduced)
             }
-            Pattern::Dense { h, unit } => self.dense_panel(h, unit, &mut work.c),
+            Pattern::Dense { h, unit } => self.dense_panel(h, unit, reduced),
         };
         match sequence(&hph, &nu, rows, out) {
-            Some(q) => self.variances::<M, NONE>(&q, None, out, work),
+            Some(q) => self.variances::<M, NONE>(&q, None, out, reduced, inverse),
             None => false,
         }
     }
@@ -206,18 +194,19 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         q: &Sequence<T, M>,
         direct: Option<&Direct<T, M>>,
         out: &mut Slots<'_, T, M, N>,
-        work: &mut Work<T, M, N>,
+        reduced: &mut Reduced<T, M, N>,
+        inverse: &mut [T; M],
     ) -> bool {
-        work.inverse = q.inverse;
+        *inverse = q.inverse;
         let mut signs = 0;
         let mut total = T::zero();
         macro_rules! panel {
             ($j:literal) => {{
-                let mut c = [T::zero(); M];
+                let mut c = const { [T::ZERO; M] };
                 each_row!(m; c[m] = if FIRST < NONE {
                     self.hi[at($j, FIRST + m)]
                 } else {
-                    work.c[m][$j]
+                    reduced[m][$j]
                 });
                 c
             }};
@@ -226,7 +215,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             ($j:literal, $c:expr, $d:expr, $dx:expr) => {{
                 let (c, d) = ($c, $d);
                 if !in_place::<M, FIRST>() {
-                    each_row!(m; work.c[m][$j] = c[m]);
+                    each_row!(m; reduced[m][$j] = c[m]);
                 }
                 let before = self.hi[upper($j, $j)];
                 let after = match direct {
@@ -248,7 +237,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         macro_rules! three {
             ($a:literal, $b:literal, $c:literal) => {{
                 let mut c = [panel!($a), panel!($b), panel!($c)];
-                let (mut d, mut dx) = ([T::zero(); 3], [T::zero(); 3]);
+                let (mut d, mut dx) = const { ([T::ZERO; 3], [T::ZERO; 3]) };
                 each_row!(m; {
                     let mut x = [c[0][m], c[1][m], c[2][m]];
                     each_row!(k; if k < m {
@@ -258,8 +247,8 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                     (c[0][m], c[1][m], c[2][m]) = (x[0], x[1], x[2]);
                     let (inverse, gain) = (q.inverse[m], q.gain[m]);
                     if m == 0 {
-                        d = x.map(|x| x * (x * inverse));
-                        dx = x.map(|x| x * gain);
+                        d = [x[0] * (x[0] * inverse), x[1] * (x[1] * inverse), x[2] * (x[2] * inverse)];
+                        dx = [x[0] * gain, x[1] * gain, x[2] * gain];
                     } else {
                         d = [d[0] + x[0] * (x[0] * inverse), d[1] + x[1] * (x[1] * inverse), d[2] + x[2] * (x[2] * inverse)];
                         dx = [dx[0] + x[0] * gain, dx[1] + x[1] * gain, dx[2] + x[2] * gain];
@@ -300,21 +289,21 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(never)]
     fn sweep<const M: usize, const FIRST: usize>(
         &mut self,
-        work: &Work<T, M, N>,
+        reduced: &Reduced<T, M, N>,
+        inverse: &[T; M],
         direct: Option<&Direct<T, M>>,
     ) {
-        let work = match M {
-            1 => work,
-            _ => black_box(work), // read where it is each time: the compiler would copy it first
+        let (reduced, inverse) = match M {
+            1 => (reduced, inverse),
+            _ => black_box((reduced, inverse)), // read where it is each time: the compiler would copy it first
         };
-        let inverse = &work.inverse;
         macro_rules! c {
             ($state:literal) => {{
-                let mut c = [T::zero(); M];
+                let mut c = const { [T::ZERO; M] };
                 each_row!(m; c[m] = if in_place::<M, FIRST>() {
                     self.hi[at($state, FIRST)]
                 } else {
-                    work.c[m][$state]
+                    reduced[m][$state]
                 });
                 c
             }};
@@ -372,6 +361,14 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             (self.hi[k], self.lo[k]) = two_add(self.hi[k], self.lo[k], -dot(c, g));
         }
     }
+}
+
+/// Innovations of rows whose signs have been turned.
+#[inline(always)]
+fn turned<T: Real, const M: usize>(nu: &[T; M]) -> [T; M] {
+    let mut x = *nu;
+    each_row!(m; x[m] = -x[m]);
+    x
 }
 
 /// Whether the panel is a column of P as it stands until the sweep has used it.

@@ -135,7 +135,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         mut accept: impl FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<Update<T, M, N>, Error> {
         let one = [T::one(); N];
-        let any = one; // written before it is seen
+        let any = const { [T::ZERO; N] }; // written before it is seen
         let mut out = Update {
             nu: rows.nu,
             s: rows.r,
@@ -278,7 +278,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             c: &mut [[Pair::zero(); N]; M],
             inverse: &mut [Pair::zero(); M],
             gain: &mut [Pair::zero(); M],
-            fresh: [T::zero(); N],
+            fresh: [T::ZERO; N],
         };
         self.update_carefully(&lines, &mut outcome, &mut panel, accept)
     }

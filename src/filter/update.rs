@@ -200,7 +200,7 @@ impl Filter {
 /// Units of rows that measure the states from FIRST on.
 #[inline(always)]
 fn units_from<const M: usize, const FIRST: usize>(sigma0: &[f32; N]) -> [f32; M] {
-    let mut unit = [1.0; M];
+    let mut unit = const { [0.0; M] };
     each_row!(m; unit[m] = sigma0[FIRST + m]);
     unit
 }
@@ -249,7 +249,8 @@ impl<const M: usize> Given<M> {
         let mut good = self.interval.abs() <= f32::MAX;
         each_row!(m; {
             good &= self.nu[m].abs() <= MAX_MAGNITUDE;
-            good &= (f32::MIN_POSITIVE..=MAX_VARIANCE).contains(&self.r[m]);
+            good &= self.r[m] >= f32::MIN_POSITIVE;
+            good &= self.r[m] <= MAX_VARIANCE;
         });
         if good {
             Ok(())

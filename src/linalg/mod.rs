@@ -108,6 +108,8 @@ pub trait Real: nalgebra::RealField + Copy {
     fn exponent(self) -> i16;
     /// 2ⁿ, n taken to the nearest for which that is a normal number.
     fn two_to(n: i16) -> Self;
+    /// 0, for an array that is written before it is read: filled with a constant it costs nothing, also at opt-level "s".
+    const ZERO: Self;
     /// Distance from 1 to the next larger number.
     const EPSILON: Self;
     /// 2^⌈p/2⌉ + 1 for a mantissa of p bits: what cuts a number into two halves whose products are exact.
@@ -166,6 +168,7 @@ impl Real for f32 {
     fn two_to(n: i16) -> Self {
         f32::from_bits(((n.clamp(-126, 127) + 127) as u32) << 23)
     }
+    const ZERO: Self = 0.0;
     const EPSILON: Self = f32::EPSILON;
     const SPLITTER: Self = 4097.0;
     const CUT: Self = 2_097_152.0;
@@ -215,6 +218,7 @@ impl Real for f64 {
     fn two_to(n: i16) -> Self {
         f64::from_bits(((n.clamp(-1022, 1023) + 1023) as u64) << 52)
     }
+    const ZERO: Self = 0.0;
     const EPSILON: Self = f64::EPSILON;
     const SPLITTER: Self = 134_217_729.0;
     const CUT: Self = 1_125_899_906_842_624.0;

@@ -1,6 +1,6 @@
 //! The vehicle is known to stand still.
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::SVector;
 
 use super::{check_interval, variance, Jacobian, Linearized};
 use crate::error::Error;
@@ -38,10 +38,11 @@ impl ZeroVelocity {
     /// standstill.
     #[inline(always)]
     pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
+        let v = nav.v_n();
         Linearized {
-            nu: -nav.v_n(),
+            nu: SVector::from([-v.x, -v.y, -v.z]),
             h: Jacobian::Direct { first: VEL }, // δv is estimate minus truth
-            r: SVector::from(Vector3::repeat(self.r)),
+            r: SVector::from([self.r, self.r, self.r]),
             interval: self.interval,
         }
     }
