@@ -60,12 +60,18 @@ impl Antenna {
 
     /// C l: from the IMU to the antenna, east-north-up [m].
     pub fn offset(&self, c_b_n: &Matrix3<f32>) -> Vector3<f32> {
-        c_b_n * self.l
+        rotated(c_b_n, &self.l)
     }
 
     /// C (ω × l): velocity of the antenna against the IMU, east-north-up [m/s].
     pub fn motion(&self, nav: &NavState, c_b_n: &Matrix3<f32>) -> Vector3<f32> {
-        c_b_n * nav.omega_ib_b().cross(&self.l)
+        let (o, l) = (nav.omega_ib_b(), &self.l);
+        let v = Vector3::new(
+            o.y * l.z - o.z * l.y,
+            o.z * l.x - o.x * l.z,
+            o.x * l.y - o.y * l.x,
+        );
+        rotated(c_b_n, &v)
     }
 
     /// The rows of position and velocity together. `lower`: of the correlations of each, as [`AntennaRows`] has them.
@@ -106,7 +112,15 @@ impl Antenna {
 
     /// C [l×]
     pub(super) fn turned(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
-        c_b_n * skew(&self.l)
+        let (c, l) = (c_b_n, &self.l);
+        let row =
+            |x: f32, y: f32, z: f32| [y * l.z - z * l.y, z * l.x - x * l.z, x * l.y - y * l.x];
+        let [e, n, u] = [
+            row(c.m11, c.m12, c.m13),
+            row(c.m21, c.m22, c.m23),
+            row(c.m31, c.m32, c.m33),
+        ];
+        Matrix3::new(e[0], e[1], e[2], n[0], n[1], n[2], u[0], u[1], u[2])
     }
 }
 
@@ -147,7 +161,7 @@ impl AntennaRows {
     pub(crate) fn in_units(&self, unit: &[f32; N]) -> Six<f32> {
         let (o, m, t, [r, v]) = (&self.offset, &self.motion, &self.turned, &self.lower);
         let [e, n, u, ve, vn, vu, pe, pn, pu, gx, gy, gz, ..] = *unit;
-        let own = [e, n, u, ve, vn, vu].map(|unit| 1.0 / unit);
+        let own = [1.0 / e, 1.0 / n, 1.0 / u, 1.0 / ve, 1.0 / vn, 1.0 / vu];
         // [x×], all signs turned twice
         let pair = |own: f32, first: f32, second: f32| [first * own, second * own];
         let gyro = |own: f32, x: f32, y: f32, z: f32| [-x * gx * own, -y * gy * own, -z * gz * own];
@@ -169,20 +183,37 @@ impl AntennaRows {
                 [r[0] * e * own[1], r[1] * e * own[2], r[2] * n * own[2]],
                 [v[0] * ve * own[4], v[1] * ve * own[5], v[2] * vn * own[5]],
             ],
-            correlated: *r != [0.0; 3] || *v != [0.0; 3],
+            correlated: r[0] != 0.0
+                || r[1] != 0.0
+                || r[2] != 0.0
+                || v[0] != 0.0
+                || v[1] != 0.0
+                || v[2] != 0.0,
         }
     }
 
     /// Whether all are finite and below this.
     pub(crate) fn within(&self, limit: f32) -> bool {
         // written as what is good: a NaN fails
-        let (o, m, t) = (self.offset.iter(), self.motion.iter(), self.turned.iter());
-        let lower = self.lower.as_flattened().iter();
-        o.chain(m)
-            .chain(t)
-            .chain(lower)
-            .map(|x| x.abs())
-            .sum::<f32>()
+        let three = |x: f32, y: f32, z: f32| x.abs() + y.abs() + z.abs();
+        let (o, m, t, [r, v]) = (&self.offset, &self.motion, &self.turned, &self.lower);
+        three(o.x, o.y, o.z)
+            + three(m.x, m.y, m.z)
+            + three(t.m11, t.m12, t.m13)
+            + three(t.m21, t.m22, t.m23)
+            + three(t.m31, t.m32, t.m33)
+            + three(r[0], r[1], r[2])
+            + three(v[0], v[1], v[2])
             <= limit
     }
+}
+
+/// C x, spelled out for opt-level "s".
+#[inline(always)]
+fn rotated(c: &Matrix3<f32>, x: &Vector3<f32>) -> Vector3<f32> {
+    Vector3::new(
+        c.m11 * x.x + c.m12 * x.y + c.m13 * x.z,
+        c.m21 * x.x + c.m22 * x.y + c.m23 * x.z,
+        c.m31 * x.x + c.m32 * x.y + c.m33 * x.z,
+    )
 }

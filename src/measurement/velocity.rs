@@ -111,6 +111,11 @@ impl Velocity {
 
     fn difference(&self, nav: &NavState) -> Vector3<f32> {
         let [e, n, u] = nav.strapdown().v_n;
-        (self.z - nav.v_n()) - Vector3::new(e.lo, n.lo, u.lo)
+        let (e, n, u) = (
+            (self.z.x - e.hi) - e.lo,
+            (self.z.y - n.hi) - n.lo,
+            (self.z.z - u.hi) - u.lo,
+        );
+        Vector3::new(e, n, u)
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::triangle::{row, start};
 use crate::covariance::{Covariance, Covariance15, Observation};
-use crate::linalg::{BlockTransition, Real};
+use crate::linalg::{each_state, BlockTransition, Real};
 use crate::measurement::{Jacobian, Linearized};
 
 /// What M measurement rows know per second: their Jacobian in σ0 units and R·T.
@@ -230,28 +230,31 @@ pub(super) fn diagonal_blocks<T: Real, const M: usize>(
         row!(13: t.a44, 13),
         row!(14: t.a44, 14),
     ];
-    let mut rate = fp.map(|x| -(x + x));
-    for (rate, q) in rate.iter_mut().skip(3).zip(&t.q) {
-        *rate -= *q;
+    let (zero, q) = (T::zero(), &t.q);
+    let q = [
+        zero, zero, zero, q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], q[8], q[9], q[10], q[11],
+    ];
+    // spelled out: at opt-level "s" a loop over arrays costs five times as much
+    let mut rate = const { [T::ZERO; 15] };
+    macro_rules! lose {
+        ($i:literal) => {
+            rate[$i] = -(fp[$i] + fp[$i]) - q[$i];
+        };
     }
+    each_state!(lose);
     match (&information.h, information.r_t.as_slice()) {
         // the common case, velocity measured directly, with constant indices as well
         (Observation::Direct { first: 3 }, [r_e, r_n, r_u]) => {
-            let weight = [r_e, r_n, r_u].map(|r_t| T::one() / *r_t);
+            let weight = [T::one() / *r_e, T::one() / *r_n, T::one() / *r_u];
             macro_rules! learn {
-                ($($i:literal)+) => {[$({
+                ($i:literal) => {
                     let e = x[const { upper(3, $i) }];
                     let n = x[const { upper(4, $i) }];
                     let u = x[const { upper(5, $i) }];
-                    e * e * weight[0] + n * n * weight[1] + u * u * weight[2]
-                }),+]};
+                    rate[$i] += e * e * weight[0] + n * n * weight[1] + u * u * weight[2];
+                };
             }
-            for (rate, learnt) in rate
-                .iter_mut()
-                .zip(learn!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14))
-            {
-                *rate += learnt;
-            }
+            each_state!(learn);
         }
         _ => learn_diagonal(&mut rate, p, information),
     }
