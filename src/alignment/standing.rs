@@ -76,6 +76,14 @@ pub enum Progress {
     Updated(UpdateReport<3>),
 }
 
+/// What a filter starts with.
+struct Start {
+    solution: CoarseSolution,
+    euler: Euler,
+    prior: Prior,
+    source: HeadingSource,
+}
+
 /// The alignment of a standing vehicle; K sums of the coarse window are kept for the filter.
 #[derive(Clone, Debug)]
 pub struct StandingAlignment<const K: usize = 0> {
@@ -315,7 +323,11 @@ impl<const K: usize> StandingAlignment<K> {
         if self.of_window > 0 {
             measurement.r.apply(|r| *r = r.max(self.shaken));
         }
-        filter.update(&measurement).map(Progress::Updated)
+        let mut progress = Progress::Updated(UpdateReport::empty());
+        if let Progress::Updated(report) = &mut progress {
+            filter.update_into(&measurement, report)?;
+        }
+        Ok(progress)
     }
 
     /// Takes the filter through the window for this time [s], and at least one step; no further than to the next update.
@@ -365,25 +377,25 @@ impl<const K: usize> StandingAlignment<K> {
     }
 
     /// Solves the window and starts the filter, or begins a new window.
+    #[inline(never)] // so that a sample has none of its stack
     fn close_window(&mut self) -> Result<Progress, Error> {
         let started = match &self.stage {
             Stage::Level(level) if self.source == HeadingSource::Nobody => {
                 let local = Local::at(self.position.lat as f32, self.position.height as f32);
                 let level = level.solve(local.gravity);
-                self.stage = self.window()?;
+                self.anew()?;
                 self.level = Some(level?);
                 return Ok(Progress::Coarse);
             }
             Stage::Coarse(coarse) => coarse
                 .solve()
-                .and_then(|found| self.gyrocompass(coarse, found)),
-            Stage::Level(level) => self.levelled(level).map(|(s, f)| (s, f, self.source)),
+                .and_then(|found| self.gyrocompass(coarse, found))
+                .and_then(|start| self.begin(start)),
+            Stage::Level(_) => self.begin_levelled(),
             Stage::Fine(_) => return Ok(Progress::Between),
         };
         match started {
-            Ok((solution, filter, source)) => {
-                self.source = source;
-                self.stage = Stage::Fine(filter);
+            Ok(solution) => {
                 self.shaken = solution.motion * solution.motion;
                 // the open one is the last
                 self.of_window = if K > 0 { self.window.len() + 1 } else { 0 };
@@ -391,19 +403,36 @@ impl<const K: usize> StandingAlignment<K> {
                 Ok(Progress::Started(solution))
             }
             Err(error) => {
-                self.stage = self.window()?;
+                self.anew()?;
                 self.window = Window::new(self.plan.zero_velocity.interval());
                 Err(error)
             }
         }
     }
 
-    /// The filter of an inertial-frame window.
+    /// Begins another window.
+    #[inline(never)]
+    fn anew(&mut self) -> Result<(), Error> {
+        self.stage = self.window()?;
+        Ok(())
+    }
+
+    /// Starts the filter after an inertial-frame window.
+    #[inline(never)]
+    fn begin(&mut self, start: Start) -> Result<CoarseSolution, Error> {
+        let nav = NavState::new(self.position, Vector3::zeros(), start.euler)?;
+        self.stage = Stage::Fine(Filter::new(nav, &start.prior, self.settings)?);
+        self.source = start.source;
+        Ok(start.solution)
+    }
+
+    /// How the filter starts after an inertial-frame window.
+    #[inline(never)]
     fn gyrocompass(
         &self,
         window: &CoarseAlignment,
         mut solution: CoarseSolution,
-    ) -> Result<(CoarseSolution, Filter, HeadingSource), Error> {
+    ) -> Result<Start, Error> {
         let mut prior = self.prior;
         let mut source = self.source;
         let mut euler = solution.euler();
@@ -429,13 +458,20 @@ impl<const K: usize> StandingAlignment<K> {
         if K > 0 {
             euler = Euler::from_c_b_n(&window.at_start(&solution.c_b_n));
         }
-        let nav = NavState::new(self.position, Vector3::zeros(), euler)?;
-        Ok((solution, Filter::new(nav, &prior, self.settings)?, source))
+        Ok(Start {
+            solution,
+            euler,
+            prior,
+            source,
+        })
     }
 
-    /// The filter of a window of plain means.
-    fn levelled(&self, window: &Levelling) -> Result<(CoarseSolution, Filter), Error> {
-        let outside = self.outside.as_ref().ok_or(Error::OutOfRange)?;
+    /// Starts the filter after a window of plain means.
+    #[inline(never)]
+    fn begin_levelled(&mut self) -> Result<CoarseSolution, Error> {
+        let (Stage::Level(window), Some(outside)) = (&self.stage, &self.outside) else {
+            return Err(Error::OutOfRange);
+        };
         let (level, filter) =
             window.start(self.position, Some(outside), &self.prior, self.settings)?;
         let local = Local::at(self.position.lat as f32, self.position.height as f32);
@@ -447,6 +483,7 @@ impl<const K: usize> StandingAlignment<K> {
             gravity_ratio: level.force / local.gravity,
             earth_rate_ratio: 0.0,
         };
-        Ok((solution, filter))
+        self.stage = Stage::Fine(filter);
+        Ok(solution)
     }
 }
