@@ -6,7 +6,7 @@
 //!
 //! It costs a propagation and an update per second and candidate: in slices of as many steps as the caller has time for
 //! ([`Planner::step`]), or of a part of one ([`Planner::slice`]): transition, propagation in two halves, update, result. The
-//! dearest slice stays below 3,000 instructions on a Cortex-M4F (`BENCHMARKS.md`).
+//! dearest slice stays below 3,100 instructions on a Cortex-M4F (`BENCHMARKS.md`).
 //! Standing needs steps of a second only: the first-order transition loses terms of T/2 against the time constants of
 //! what is learnt, a shift of half a second in three hundred. Turns are cut into steps of [`MAX_ANGLE`]. Updates are made
 //! once per step with the information of the updates due in it (R T/dt), none while the vehicle moves unless a velocity is
