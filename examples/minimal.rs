@@ -5,7 +5,7 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 use nalgebra::Vector3;
-use navsight::attitude::Euler;
+use navsight::attitude::RfuToEnu;
 use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::{BiasModel, NoiseDensity, ATT};
@@ -39,11 +39,9 @@ fn write_bits(out: &mut impl core::fmt::Write, x: f32) -> core::fmt::Result {
 
 fn ten_seconds() -> Result<Xi<f32, 15>, Error> {
     let position = Geodetic::from_degrees(40.0, 116.0, 100.0);
-    let nav = NavState::new(
-        position,
-        Vector3::zeros(),
-        Euler::from_degrees(30.0, 0.0, 0.0),
-    )?;
+    // Level, heading 30°. Angles would bring sine and cosine, 3 KiB.
+    let attitude = RfuToEnu([0.965_925_8, 0.0, 0.0, -0.258_819_05]);
+    let nav = NavState::new(position, Vector3::zeros(), attitude)?;
     let prior = Prior {
         position: [10.0; 3],
         velocity: [0.1; 3],
