@@ -28,6 +28,9 @@ const OPTS: [(&str, &str); 3] = [
     (SMALLEST.opt, SMALLEST.profile),
 ];
 
+/// What is no code.
+const REST: &str = "constants and the table of vectors";
+
 /// Bytes per name, at each opt-level.
 type Bytes = BTreeMap<String, [u64; OPTS.len()]>;
 
@@ -42,12 +45,16 @@ pub fn run() -> Result<ExitCode> {
                 profile,
                 ..Build::plain(program)
             };
-            for (frames, bytes) in attribute(&build.elf(&toolchain)?)? {
+            let elf = build.elf(&toolchain)?;
+            let mut rest = flash(&sections(&elf)?);
+            for (frames, bytes) in attribute(&elf)? {
                 let add =
                     |to: &mut Bytes, name: String| to.entry(name).or_default()[column] += bytes;
                 add(&mut groups, group(&frames).to_owned());
                 add(&mut files, file(&frames));
+                rest -= bytes;
             }
+            groups.entry(REST.to_owned()).or_default()[column] = rest;
         }
         text += &format!(
             "Flash of `examples/{program}.rs` [bytes]:\n\n{}\n\n",
@@ -147,7 +154,8 @@ fn group(frames: &[Frame]) -> &'static str {
 }
 
 fn by_group(program: &str, mut groups: Bytes) -> String {
-    let names = GROUPS.iter().map(|(name, _)| *name).chain([PROGRAM]);
+    let names = GROUPS.iter().map(|(name, _)| *name);
+    let names = names.chain([PROGRAM, REST]);
     let rows = names.filter_map(|name| groups.remove_entry(name));
     let mut rows: Vec<_> = rows.collect();
     let whole = sum(&rows);
