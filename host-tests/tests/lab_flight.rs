@@ -35,14 +35,7 @@ impl Trajectory for Car {
         let rate = 0.9 * w * (w * t).sin();
         let v = 12.0 - 6.0 * (u * t).cos();
         let a = 6.0 * u * (u * t).sin();
-        let along = Vector3::new(heading.sin(), heading.cos(), 0.0);
-        let right = Vector3::new(heading.cos(), -heading.sin(), 0.0);
-        Pose {
-            euler: Vector3::new(heading, 0.0, 0.0),
-            euler_rate: Vector3::new(rate, 0.0, 0.0),
-            v_n: along * v,
-            a_n: along * a + right * (v * rate),
-        }
+        Pose::along(heading, rate, v, a)
     }
 }
 

@@ -41,14 +41,7 @@ impl Trajectory for Car {
         let heading = 1.0 + 0.9 * (1.0 - (w * t).cos());
         let rate = 0.9 * w * (w * t).sin();
         let (v, a) = (8.0 * (1.0 - (u * t).cos()), 8.0 * u * (u * t).sin());
-        let along = Vector3::new(heading.sin(), heading.cos(), 0.0);
-        let right = Vector3::new(heading.cos(), -heading.sin(), 0.0);
-        Pose {
-            euler: Vector3::new(heading, 0.0, 0.0),
-            euler_rate: Vector3::new(rate, 0.0, 0.0),
-            v_n: along * v,
-            a_n: along * a + right * (v * rate),
-        }
+        Pose::along(heading, rate, v, a)
     }
 }
 

@@ -18,6 +18,20 @@ pub struct Pose {
     pub a_n: Vector3<f64>,
 }
 
+impl Pose {
+    /// A level vehicle that moves along its heading [rad]: turn rate [rad/s], speed [m/s] and its derivative [m/s²].
+    pub fn along(heading: f64, rate: f64, speed: f64, acceleration: f64) -> Self {
+        let (sin, cos) = heading.sin_cos();
+        let (along, right) = (Vector3::new(sin, cos, 0.0), Vector3::new(cos, -sin, 0.0));
+        Self {
+            euler: Vector3::new(heading, 0.0, 0.0),
+            euler_rate: Vector3::new(rate, 0.0, 0.0),
+            v_n: along * speed,
+            a_n: along * acceleration + right * (speed * rate),
+        }
+    }
+}
+
 /// A motion over the earth.
 pub trait Trajectory {
     /// Position at time 0.
