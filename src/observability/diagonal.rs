@@ -210,7 +210,7 @@ pub fn xi1_riccati_blocks<T: Real, const M: usize>(
 }
 
 /// One bit per state.
-const fn mask<const N: usize>() -> u32 {
+pub(super) const fn mask<const N: usize>() -> u32 {
     if N >= 32 {
         u32::MAX
     } else {

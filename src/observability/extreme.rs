@@ -19,7 +19,7 @@
 //! missed by more than 2e-3 beside the rounding (`host-tests/tests/extreme.rs`). Who must know takes
 //! [`super::spectrum`], which finds all of them; it also knows correlated priors and η1.
 
-use super::diagonal::check_variances;
+use super::diagonal::{check_variances, mask};
 use super::triangle::{at, dot, row_mut, set, start};
 use crate::covariance::Covariance;
 use crate::error::Error;
@@ -142,11 +142,6 @@ impl<T: Real, const N: usize, const L: usize> Extremes<T, N, L> {
 #[inline(always)]
 fn has(normalised: u32, i: usize) -> bool {
     normalised & (1 << (i & 31)) != 0
-}
-
-/// A bit for each state.
-const fn mask<const N: usize>() -> u32 {
-    u32::MAX >> (32 - N)
 }
 
 /// P = L D Lᵀ in place, row by row: column i of P, divided by the rows of L above, is D times row i of L. States without
