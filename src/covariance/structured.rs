@@ -130,6 +130,17 @@ fn noise<T: Real, const K: usize, const I: usize>(t: &mut Line<T>, q: &[T; 12]) 
     t[I] += q[3 * K + I];
 }
 
+/// Column J of block (A, B) of a triangle.
+#[inline(always)]
+fn column_of<T: Real, const A: usize, const B: usize, const J: usize>(words: &[T; 120]) -> Line<T> {
+    let j = 3 * B + J;
+    [
+        words[at(3 * A, j)],
+        words[at(3 * A + 1, j)],
+        words[at(3 * A + 2, j)],
+    ]
+}
+
 /// Row I of a block in the columns B.
 #[inline(always)]
 fn line_of<T: Real, const B: usize, const I: usize>(part: &Part<T>) -> Line<T> {
@@ -222,23 +233,13 @@ impl<T: Real> Covariance15<T> {
     /// Column J of block (A, B).
     #[inline(always)]
     fn column<const A: usize, const B: usize, const J: usize>(&self) -> Line<T> {
-        let j = 3 * B + J;
-        [
-            self.hi[at(3 * A, j)],
-            self.hi[at(3 * A + 1, j)],
-            self.hi[at(3 * A + 2, j)],
-        ]
+        column_of::<T, A, B, J>(&self.hi)
     }
 
     /// Its low words.
     #[inline(always)]
     fn low<const A: usize, const B: usize, const J: usize>(&self) -> Line<T> {
-        let j = 3 * B + J;
-        [
-            self.lo[at(3 * A, j)],
-            self.lo[at(3 * A + 1, j)],
-            self.lo[at(3 * A + 2, j)],
-        ]
+        column_of::<T, A, B, J>(&self.lo)
     }
 
     /// Row I of block (A, B).
