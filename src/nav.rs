@@ -191,7 +191,8 @@ impl NavState {
         for (q, d) in s.q.iter_mut().zip(d) {
             q.add(d);
         }
-        // a turn this small keeps the length to 2e-9, and the mechanization looks after it within five samples
+        // A turn this small, the bound of the short series, keeps the length to 2e-9, and the mechanization looks after it
+        // within five samples.
         if 0.25 * phi2 < 1e-3 {
             s.renew_next();
         } else {
@@ -349,6 +350,7 @@ fn look_at_biases(b_g: &Vector3<f32>, b_a: &Vector3<f32>) -> Result<(), Error> {
     }
 }
 
+/// Whether all products, element by element, are finite.
 #[cold]
 #[inline(never)]
 fn finite_product(x: &[f32], y: &[f32]) -> bool {

@@ -123,7 +123,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             for (i, (c, c_k)) in looped_mut(c).iter_mut().zip(c_k).enumerate() {
                 rolled();
                 let held = held(lines.considered, i);
-                *c = c.less(*c_k, if held { l_held } else { l });
+                *c = c.less_product(*c_k, if held { l_held } else { l });
             }
         }
         let s = inner(&h, c, 0).add(Pair::of(r));
@@ -257,7 +257,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 for (g, c) in panel.gain.iter().zip(panel.c.iter()) {
                     rolled();
                     if let Some(c) = c.get(i) {
-                        p = p.less(*c, *g);
+                        p = p.less_product(*c, *g);
                     }
                 }
                 if let (Some(hi), Some(lo)) = (self.hi.get_mut(k), self.lo.get_mut(k)) {

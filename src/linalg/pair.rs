@@ -82,7 +82,7 @@ impl<T: Real> Pair<T> {
 
     /// self − a b
     #[inline(never)]
-    pub fn less(self, a: Self, b: Self) -> Self {
+    pub fn less_product(self, a: Self, b: Self) -> Self {
         self.sub(a.mul(b))
     }
 
