@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::triangle::{row, start};
 use crate::covariance::{Covariance, Covariance15, Observation};
-use crate::linalg::{each_state, BlockTransition, Real};
+use crate::linalg::{BlockTransition, Real};
 use crate::measurement::{Jacobian, Linearized};
 
 /// What M measurement rows know per second: their Jacobian in σ0 units and R·T.
@@ -207,56 +207,43 @@ pub(super) fn diagonal_blocks<T: Real, const M: usize>(
 ) -> [T; 15] {
     let x = p.words().0;
     let t = rates;
-    // (F P)_ii, row by row of the pattern; a macro because constant indices need no check
-    macro_rules! row {
-        ($i:literal: $($f:expr, $j:literal);+) => {
-            T::zero() $(+ $f * x[const { upper($j, $i) }])+
-        };
-    }
-    let fp = [
-        row!(0: t.a00.m12, 1; t.a00.m13, 2; t.a01.x, 3),
-        row!(1: t.a00.m21, 0; t.a00.m23, 2; t.a01.y, 4),
-        row!(2: t.a00.m31, 0; t.a00.m32, 1; t.a01.z, 5),
-        row!(3: t.a10.x, 0; t.a11.m12, 4; t.a11.m13, 5; t.a12.m12, 7; t.a12.m13, 8; t.a14.m11, 12; t.a14.m12, 13; t.a14.m13, 14),
-        row!(4: t.a10.y, 1; t.a11.m21, 3; t.a11.m23, 5; t.a12.m21, 6; t.a12.m23, 8; t.a14.m21, 12; t.a14.m22, 13; t.a14.m23, 14),
-        row!(5: t.a10.z, 2; t.a11.m31, 3; t.a11.m32, 4; t.a12.m31, 6; t.a12.m32, 7; t.a14.m31, 12; t.a14.m32, 13; t.a14.m33, 14),
-        row!(6: t.a22.m12, 7; t.a22.m13, 8; t.a23.m11, 9; t.a23.m12, 10; t.a23.m13, 11),
-        row!(7: t.a22.m21, 6; t.a22.m23, 8; t.a23.m21, 9; t.a23.m22, 10; t.a23.m23, 11),
-        row!(8: t.a22.m31, 6; t.a22.m32, 7; t.a23.m31, 9; t.a23.m32, 10; t.a23.m33, 11),
-        row!(9: t.a33, 9),
-        row!(10: t.a33, 10),
-        row!(11: t.a33, 11),
-        row!(12: t.a44, 12),
-        row!(13: t.a44, 13),
-        row!(14: t.a44, 14),
-    ];
-    let (zero, q) = (T::zero(), &t.q);
-    let q = [
-        zero, zero, zero, q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], q[8], q[9], q[10], q[11],
-    ];
-    // spelled out: at opt-level "s" a loop over arrays costs five times as much
+    // velocity measured directly, the common case, is learnt from state by state; for others these weights are 0
+    let velocity = match (&information.h, information.r_t.as_slice()) {
+        (Observation::Direct { first: 3 }, [e, n, u]) => Some([e, n, u].map(|r_t| T::one() / *r_t)),
+        _ => None,
+    };
+    let [e, n, u] = velocity.unwrap_or([T::zero(); 3]);
     let mut rate = const { [T::ZERO; 15] };
-    macro_rules! lose {
-        ($i:literal) => {
-            rate[$i] = -(fp[$i] + fp[$i]) - q[$i];
+    macro_rules! sum {
+        ($first:expr $(, $more:expr)*) => { $first $(+ $more)* };
+    }
+    // row i of the pattern of F times column i of P; a macro because constant indices need no check
+    macro_rules! state {
+        ($i:literal, $q:expr; $($f:expr, $j:literal);+) => {
+            let fp = sum!($($f * x[const { upper($j, $i) }]),+);
+            let lost = fp + fp;
+            let [v_e, v_n, v_u] = [x[const { upper(3, $i) }], x[const { upper(4, $i) }], x[const { upper(5, $i) }]];
+            let learnt = v_e * v_e * e + v_n * v_n * n + v_u * v_u * u;
+            rate[$i] = -lost - $q + learnt;
         };
     }
-    each_state!(lose);
-    match (&information.h, information.r_t.as_slice()) {
-        // the common case, velocity measured directly, with constant indices as well
-        (Observation::Direct { first: 3 }, [r_e, r_n, r_u]) => {
-            let weight = [T::one() / *r_e, T::one() / *r_n, T::one() / *r_u];
-            macro_rules! learn {
-                ($i:literal) => {
-                    let e = x[const { upper(3, $i) }];
-                    let n = x[const { upper(4, $i) }];
-                    let u = x[const { upper(5, $i) }];
-                    rate[$i] += e * e * weight[0] + n * n * weight[1] + u * u * weight[2];
-                };
-            }
-            each_state!(learn);
-        }
-        _ => learn_diagonal(&mut rate, p, information),
+    state!(0, T::zero(); t.a00.m12, 1; t.a00.m13, 2; t.a01.x, 3);
+    state!(1, T::zero(); t.a00.m21, 0; t.a00.m23, 2; t.a01.y, 4);
+    state!(2, T::zero(); t.a00.m31, 0; t.a00.m32, 1; t.a01.z, 5);
+    state!(3, t.q[0]; t.a10.x, 0; t.a11.m12, 4; t.a11.m13, 5; t.a12.m12, 7; t.a12.m13, 8; t.a14.m11, 12; t.a14.m12, 13; t.a14.m13, 14);
+    state!(4, t.q[1]; t.a10.y, 1; t.a11.m21, 3; t.a11.m23, 5; t.a12.m21, 6; t.a12.m23, 8; t.a14.m21, 12; t.a14.m22, 13; t.a14.m23, 14);
+    state!(5, t.q[2]; t.a10.z, 2; t.a11.m31, 3; t.a11.m32, 4; t.a12.m31, 6; t.a12.m32, 7; t.a14.m31, 12; t.a14.m32, 13; t.a14.m33, 14);
+    state!(6, t.q[3]; t.a22.m12, 7; t.a22.m13, 8; t.a23.m11, 9; t.a23.m12, 10; t.a23.m13, 11);
+    state!(7, t.q[4]; t.a22.m21, 6; t.a22.m23, 8; t.a23.m21, 9; t.a23.m22, 10; t.a23.m23, 11);
+    state!(8, t.q[5]; t.a22.m31, 6; t.a22.m32, 7; t.a23.m31, 9; t.a23.m32, 10; t.a23.m33, 11);
+    state!(9, t.q[6]; t.a33, 9);
+    state!(10, t.q[7]; t.a33, 10);
+    state!(11, t.q[8]; t.a33, 11);
+    state!(12, t.q[9]; t.a44, 12);
+    state!(13, t.q[10]; t.a44, 13);
+    state!(14, t.q[11]; t.a44, 14);
+    if velocity.is_none() {
+        learn_diagonal(&mut rate, p, information);
     }
     rate
 }
