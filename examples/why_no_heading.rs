@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use navsight::error::Error;
 use navsight::error_model::{discrete::phi_minus_identity, psi, BiasModel, Environment, N, VEL};
 use navsight::observability::agreement::{Limits, View};
-use navsight::observability::ceiling::Gramian;
+use navsight::observability::ceiling::{Gramian, Unseen};
 use navsight::observability::pwcs::{Scale, Staged, NAVIGATION};
 use navsight::observability::structural::{Pattern, Report};
 
@@ -82,10 +82,11 @@ fn say(
     gramian: &Gramian<f32, N>,
 ) -> core::fmt::Result {
     let limits = Limits::default();
+    let unseen = Unseen::of(staged);
     let xi2 = gramian.xi2(&gramian.information());
     writeln!(out, "rank {} of {N}", staged.rank())?;
     for (state, xi2) in xi2.iter().enumerate().skip(VEL) {
-        let view = View::of(staged, state, None, Some(*xi2), &limits);
+        let view = View::of(staged, &unseen, state, None, Some(*xi2), &limits);
         writeln!(
             out,
             "{:<13} {:08x}  {}",

@@ -33,7 +33,7 @@ use navsight::measurement::{
 };
 use navsight::nav::NavState;
 use navsight::observability::agreement::{self, Flag, Limits, View};
-use navsight::observability::ceiling::{self, Gramian};
+use navsight::observability::ceiling::{self, Gramian, Unseen};
 use navsight::observability::comprehensive;
 use navsight::observability::diagonal::{self, Index, Xi};
 use navsight::observability::eigen_degree::{EigenDegree, Form};
@@ -855,9 +855,9 @@ fn patterns<const N: usize, const L: usize>() -> Result<(), Error> {
         }
     }
     keep(Linking::<N, L>::of_span(any(&segments), any(3)).size());
-    keep(structural::linking_by_span::<N, L>(&p));
-    keep(structural::by_convention::<N, L>(&p, any(&[1, 2])));
-    let groups = Groups::of_pattern::<L>(&p);
+    keep(linking.by_span());
+    keep(linking.by_convention(any(&[1, 2])));
+    let groups = Groups::of_linking(&linking);
     keep((groups.sets().len(), groups.of(any(1))));
     let mut all = Segments::new(&p);
     let changes = Changes::between(&matrix::<f32, N, N>(), &matrix::<f32, N, N>(), number())?;
@@ -911,14 +911,20 @@ fn looking<T: Real, const M: usize>() -> Result<(), Error> {
     keep(Form::<T, 15, M>::raw());
     let mut eigen = EigenDegree::new(&f, &h, &form, &staged)?;
     keep(eigen.step(&f));
-    let eigen = eigen.run(&f);
+    eigen.run(&f);
     keep((
         eigen.rank(),
         eigen.eigen(row),
         eigen.all().last(),
         eigen.null_share(row),
     ));
-    keep(ceiling::unseen_share(&staged));
+    let mut unseen = Unseen::of(&staged);
+    unseen.find(&staged);
+    keep((
+        unseen.shares(),
+        unseen.share(any(&[number(); 15])),
+        unseen.shadow(row),
+    ));
     keep((
         ceiling::ceiling::<T>(number()),
         ceiling::saturation::<T>(number(), number()),
@@ -935,12 +941,12 @@ fn looking<T: Real, const M: usize>() -> Result<(), Error> {
         gramian.xi2(&information),
     ));
     let limits = any(Limits::default());
-    let view = View::of(&staged, row, any(None), any(None), &limits);
+    let view = View::of(&staged, &unseen, row, any(None), any(None), &limits);
     keep((view.ceiling(), view.flag(&limits)));
     keep(view.sentence(&limits, any(&[""; 15]), any(&NAVIGATION)));
     keep(any(Flag::Agree).name());
     keep(agreement::direction(
-        &staged,
+        &unseen,
         any(&[number(); 15]),
         number(),
         &limits,

@@ -18,14 +18,14 @@ use navsight::imu::{ConingSculling, ImuIncrement};
 use navsight::measurement::Linearized;
 use navsight::mechanization::Strapdown;
 use navsight::nav::NavState;
-use navsight::observability::ceiling::Gramian;
+use navsight::observability::ceiling::{Gramian, Unseen};
 use navsight::observability::diagonal::Xi;
 use navsight::observability::eigen_degree::EigenDegree;
 use navsight::observability::extreme::Extremes15;
 use navsight::observability::pwcs::Staged;
 use navsight::observability::riccati::DecreaseRate15;
 use navsight::observability::spectrum::{Directions, Spectrum15, ValuesOnly};
-use navsight::observability::structural::{self, Groups, Matchings, Pattern, Segments};
+use navsight::observability::structural::{self, Groups, Linking, Matchings, Pattern, Segments};
 use navsight::observability::verdict::Verdicts;
 use navsight::tracking::{AxisTracker, LocalTracker};
 
@@ -63,11 +63,13 @@ pub fn list(table: &mut Table) -> core::fmt::Result {
         Pattern<N>,
         structural::Report,
         Groups<N>,
+        Linking<N, N>,
         Segments<N>,
         Matchings<N>,
         Staged<f32, N, 6>,
         EigenDegree<f32, N, 6>,
         Gramian<f32, N>,
+        Unseen<f32, N>,
         Verdicts,
         Supervisor,
         Planner<6>,

@@ -1,15 +1,17 @@
 //! Rows of the bench for the ways of looking beside ξ and η: structure, staged elimination, eigenvalues.
 
+use core::slice::from_ref;
+
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use navsight::error::Error;
 use navsight::error_model::{psi, BiasModel, Environment, N, POS, VEL};
 use navsight::observability::agreement::{Limits, View};
-use navsight::observability::ceiling::Gramian;
+use navsight::observability::ceiling::{Gramian, Unseen};
 use navsight::observability::eigen_degree::{EigenDegree, Form};
 use navsight::observability::pwcs::{Progress, Scale, Staged, NAVIGATION};
 use navsight::observability::structural::{
-    linking_by_span, Changes, Groups, Matchings, Pattern, Report, Segments,
+    Changes, Groups, Linking, Matchings, Pattern, Report, Segments,
 };
 
 use crate::rows::{refused, Table};
@@ -78,11 +80,17 @@ pub fn run(table: &mut Table) -> core::fmt::Result {
         {}
         staged = state.0;
     }
-    table.row("agreement of one state", "f32", staged, |staged| {
-        let limits = Limits::default();
-        let view = View::of(staged, 8, None, Some(400.0), &limits);
-        Ok(view.flag(&limits))
-    })?;
+    table.row(
+        "agreement of one state",
+        "f32",
+        (staged, Unseen::new()),
+        |(staged, unseen)| {
+            let limits = Limits::default();
+            unseen.find(staged);
+            let view = View::of(staged, unseen, 8, None, Some(400.0), &limits);
+            Ok(view.flag(&limits))
+        },
+    )?;
     eigenvalues(table, &north, &h, &scale)?;
 
     table.row(
@@ -108,21 +116,22 @@ fn structure(table: &mut Table, pattern: Pattern<N>, turn: Changes<N>) -> core::
     table.row("structural report, one segment", "-", pattern, |pattern| {
         Ok(Report::new(pattern))
     })?;
-    table.row("structural groups, one segment", "-", pattern, |pattern| {
-        Ok(Groups::of_pattern::<N>(pattern))
+    let linking = Linking::<N, N>::new(from_ref(&pattern));
+    table.row("structural groups, one segment", "-", linking, |linking| {
+        linking.widen(N);
+        linking.link(u32::MAX);
+        Ok(Groups::of_linking(linking))
     })?;
-    table.row("linking by span", "-", pattern, |pattern| {
-        Ok(linking_by_span::<N, N>(pattern))
+    table.row("linking by span", "-", linking, |linking| {
+        Ok(linking.by_span())
     })?;
+    let mut segments = Segments::new(&pattern);
+    segments.add(&pattern, &turn).map_err(refused)?;
     table.row(
         "structural bound D, two segments",
         "-",
-        (pattern, turn),
-        |(pattern, turn)| {
-            let mut segments = Segments::new(pattern);
-            segments.add(pattern, turn)?;
-            Ok(segments.bound(&[*pattern, *pattern]))
-        },
+        (segments, [pattern; 2]),
+        |(segments, patterns)| Ok(segments.bound(patterns)),
     )?;
     table.row(
         "maximum matchings, the first ten",
@@ -145,7 +154,10 @@ fn eigenvalues(table: &mut Table, f: &F, h: &H, scale: &Scale<f32, N>) -> core::
         "eigenvalue degree, 6 rows, four blocks",
         "f32",
         (degree, *f),
-        |(degree, f)| Ok(degree.run(f)),
+        |(degree, f)| {
+            degree.run(f);
+            Ok(())
+        },
     )?;
     let mut state = (degree, *f);
     let name = "eigenvalue degree, largest slice";

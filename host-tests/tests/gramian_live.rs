@@ -8,7 +8,7 @@ use navsight::filter::{Filter, Settings};
 use navsight::imu::ImuIncrement;
 use navsight::measurement::ZeroVelocity;
 use navsight::nav::NavState;
-use navsight::observability::ceiling::{ceiling, unseen_share, Gramian};
+use navsight::observability::ceiling::{ceiling, Gramian, Unseen};
 use navsight::observability::diagonal::Xi;
 use navsight::observability::pwcs::{Scale, Staged, NAVIGATION};
 
@@ -111,7 +111,7 @@ fn the_live_gramian_shows_the_ceiling_that_the_elimination_predicts() {
     // minutes). The tenth is what ten minutes of earth rate and curvature turn the unseen space: a hundredth of that.
     let (ninth, tenth) = (information.lambda[8], information.lambda[9]);
     assert!(ninth > 0.1 && tenth < 0.01, "{:?}", information.lambda);
-    let share = unseen_share(&staged);
+    let share = Unseen::of(&staged).shares();
     for (state, (xi2, share)) in xi2.iter().zip(&share).enumerate() {
         if let Some(ceiling) = ceiling(*share) {
             // 3 % for the rates at which attitude and position turn the unseen space within ten minutes.

@@ -93,12 +93,12 @@ fn all_golden_cases_equal_exactly() {
                 c["structurally_observable"],
                 "{name} Lemma 1"
             );
-            let spans: Vec<u64> = linking_by_span::<N, N>(&p)[..n]
+            let spans: Vec<u64> = Linking::<N, N>::new(&[p]).by_span()[..n]
                 .iter()
                 .map(|s| u64::from(*s))
                 .collect();
             assert_eq!(spans, ints(&c["linking_by_span"]), "{name} linking");
-            let groups = Groups::of_pattern::<N>(&p);
+            let groups = Groups::of_linking(&Linking::<N, N>::of_span(&[p], n));
             assert_eq!(groups.sets(), sets(&c["groups"]), "{name} groups");
         } else {
             let (patterns, segs) = segments(c);
@@ -249,7 +249,7 @@ fn example_1_has_two_maximum_matchings() {
 fn example_2_has_one_linking_of_size_3() {
     // The text speaks of two output nodes; the linking meets three.
     let (_, p) = lti("example1");
-    assert_eq!(linking_by_span::<N, N>(&p)[..3], [1, 2, 3]);
+    assert_eq!(Linking::<N, N>::new(&[p]).by_span()[..3], [1, 2, 3]);
     assert_eq!(count_linkings(&p, 3), 1);
 }
 
@@ -268,7 +268,10 @@ fn static_base_seven_of_ten_and_twenty_matchings() {
     assert_eq!(left, bases, "equal to the true column bases");
     // Which states are observable is a choice of basis, but for the two velocities. The customary one by convention:
     let keep = [0, 1, 2, 3, 4, 9, 8, 7];
-    assert_eq!(0x3ff & !by_convention::<N, N>(&p, &keep), set(&[6, 7, 8]));
+    assert_eq!(
+        0x3ff & !Linking::<N, N>::new(&[p]).by_convention(&keep),
+        set(&[6, 7, 8])
+    );
     assert_eq!(r.unique, set(&[1, 2]));
 }
 
@@ -587,12 +590,12 @@ fn ten_thousand_random_patterns_against_numeric_ranks() {
         assert_eq!(r.observable, rank == n, "{case} Lemma 1 of {adj:?}");
         assert_eq!(r.unique, twin::alone(&space, n), "{case} unique of {adj:?}");
         assert_eq!(
-            usize::from(linking_by_span::<8, 8>(&p)[n - 1]),
+            usize::from(Linking::<8, 8>::new(&[p]).by_span()[n - 1]),
             rank,
             "{case} linking"
         );
         // Exchange groups say the same about single states as the augmented output.
-        let groups = Groups::of_pattern::<8>(&p);
+        let groups = Groups::of_linking(&Linking::<8, 8>::of_span(&[p], n));
         let grouped = groups.sets().iter().fold(0, |all, g| all | g);
         assert_eq!(r.coupled, grouped, "{case} groups of {adj:?}");
         assert!(usize::from(r.nu) >= rank);
@@ -684,14 +687,17 @@ fn renumbering_changes_nothing_but_numbers() {
         ] {
             assert_eq!(moved(u64::from(a)), u64::from(b));
         }
-        assert_eq!(linking_by_span::<8, 8>(&p), linking_by_span::<8, 8>(&q));
-        let mut groups: Vec<u64> = Groups::of_pattern::<8>(&p)
+        assert_eq!(
+            Linking::<8, 8>::new(&[p]).by_span(),
+            Linking::<8, 8>::new(&[q]).by_span()
+        );
+        let mut groups: Vec<u64> = Groups::of_linking(&Linking::<8, 8>::of_span(&[p], n))
             .sets()
             .iter()
             .map(|g| moved(u64::from(*g)))
             .collect();
         groups.sort_by_key(|g| g.trailing_zeros());
-        let others: Vec<u64> = Groups::of_pattern::<8>(&q)
+        let others: Vec<u64> = Groups::of_linking(&Linking::<8, 8>::of_span(&[q], n))
             .sets()
             .iter()
             .map(|g| u64::from(*g))

@@ -188,7 +188,8 @@ fn three_states_for_all_five_parameters() {
         let mut s = Staged::<f64, 3, 2>::new(&Scale::plain(1e-9)).unwrap();
         s.segment(&f, &h, None).unwrap();
         assert_eq!(s.rank() as u64, want["rank"].as_u64().unwrap());
-        let e = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap().run(&f);
+        let mut e = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap();
+        e.run(&f);
         compare(
             &e,
             want["eig"].as_array().unwrap(),
@@ -205,7 +206,8 @@ fn static_base_raw_and_scaled() {
     let (f, h) = sins15();
     let s = staged::<f64, 15, 6>(&f, &h, &kinds15(), &sigma15());
     assert_eq!(s.rank() as u64, g["rank_raw"].as_u64().unwrap());
-    let e = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap().run(&f);
+    let mut e = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap();
+    e.run(&f);
     compare(&e, g["raw"].as_array().unwrap(), &NAMES15, "raw");
     for (name, t) in [
         ("scaled_T60", 60.0),
@@ -214,7 +216,8 @@ fn static_base_raw_and_scaled() {
     ] {
         let noise = [1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0];
         let form = Form::scaled(sigma15(), noise, t);
-        let e = EigenDegree::new(&f, &h, &form, &s).unwrap().run(&f);
+        let mut e = EigenDegree::new(&f, &h, &form, &s).unwrap();
+        e.run(&f);
         compare(&e, g[name]["eig"].as_array().unwrap(), &NAMES15, name);
     }
 }
@@ -225,9 +228,11 @@ fn the_old_reading_is_upside_down() {
     // nobody can see, shows 3e-9 of itself there. In σ0 units it is the other way round.
     let (f, h) = base12();
     let s = staged::<f64, 12, 3>(&f, &h, &kinds12(), &sigma12());
-    let raw = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap().run(&f);
+    let mut raw = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap();
+    raw.run(&f);
     let scaled = Form::scaled(sigma12(), [1e-3; 3], 600.0);
-    let scaled = EigenDegree::new(&f, &h, &scaled, &s).unwrap().run(&f);
+    let mut scaled = EigenDegree::new(&f, &h, &scaled, &s).unwrap();
+    scaled.run(&f);
     let (heading, east_gyro) = (2, 6);
     assert!(raw.null_share(heading) > 0.999 && raw.null_share(east_gyro) < 1e-8);
     assert!(scaled.null_share(heading) < 0.003 && scaled.null_share(east_gyro) > 0.997);
@@ -238,13 +243,15 @@ fn three_papers_on_one_base() {
     let g = golden();
     let (f, h) = base12();
     let s = staged::<f64, 12, 3>(&f, &h, &kinds12(), &sigma12());
-    let share = unseen_share(&s);
+    let share = Unseen::of(&s).shares();
     let kinds = [0b0001_1100_0000, 0b1110_0000_0000];
     for t in ["300", "600"] {
         let g = &g["compare_one_position"][t];
         let form = Form::scaled(sigma12(), [1e-3; 3], t.parse().unwrap());
-        let scaled = EigenDegree::new(&f, &h, &form, &s).unwrap().run(&f);
-        let raw = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap().run(&f);
+        let mut scaled = EigenDegree::new(&f, &h, &form, &s).unwrap();
+        scaled.run(&f);
+        let mut raw = EigenDegree::new(&f, &h, &Form::raw(), &s).unwrap();
+        raw.run(&f);
         compare(&scaled, g["yang_scaled"].as_array().unwrap(), &NAMES12, t);
         compare(&raw, g["yang_raw"].as_array().unwrap(), &NAMES12, t);
         assert_eq!(g["rank_raw"], s.rank());
@@ -324,7 +331,7 @@ fn link_1_xi2_rises_to_its_ceiling_and_not_above() {
     let g = golden();
     let (f, h) = base12();
     let s = staged::<f64, 12, 3>(&f, &h, &kinds12(), &sigma12());
-    let share = unseen_share(&s);
+    let share = Unseen::of(&s).shares();
     for (seconds, key) in [(600, "xi2_T"), (3600, "xi2_6T")] {
         let gramian = gramian(seconds);
         let w = gramian.information();
@@ -396,7 +403,8 @@ fn link_3_what_an_order_costs() {
     let (f, h) = base12();
     let s = staged::<f64, 12, 3>(&f, &h, &kinds12(), &sigma12());
     let form = Form::scaled(sigma12(), [1e-3; 3], 600.0);
-    let e = EigenDegree::new(&f, &h, &form, &s).unwrap().run(&f);
+    let mut e = EigenDegree::new(&f, &h, &form, &s).unwrap();
+    e.run(&f);
     for (n, cost) in [(0, 1.0), (1, 12.0), (2, 180.0), (3, 2800.0)] {
         close(order_cost(600.0, n), 600.0 / cost, 1e-15, "cost");
     }
@@ -433,7 +441,8 @@ fn f32_finds_the_same_rank_orders_and_eigenvalues() {
     assert_eq!(s.rank(), 9);
     let form = Form::scaled(sigma12().map(|x| x as f32), [1e-3; 3], 600.0);
     let (f, h) = (f.map(|x| x as f32), h.map(|x| x as f32));
-    let e = EigenDegree::new(&f, &h, &form, &s).unwrap().run(&f);
+    let mut e = EigenDegree::new(&f, &h, &form, &s).unwrap();
+    e.run(&f);
     let golden = golden();
     let golden = &golden["compare_one_position"]["600"]["yang_scaled"];
     let largest = num(&golden[0]["lambda"]);
@@ -465,7 +474,9 @@ fn the_table_of_agreement() {
     let pattern = Pattern::from_model(&f, &h, &SVector::from(sigma12()), 0.0, 0).unwrap();
     let report = Report::new(&pattern);
     let limits = Limits::default();
-    let see = |j: usize, xi2: f64| View::of(&s, j, Some(report.class(j)), Some(xi2), &limits);
+    let space = Unseen::of(&s);
+    let see =
+        |j: usize, xi2: f64| View::of(&s, &space, j, Some(report.class(j)), Some(xi2), &limits);
     for (j, flag) in [
         (0, Flag::PriorOnly),
         (1, Flag::PriorOnly),
@@ -529,15 +540,15 @@ fn the_table_of_agreement() {
     let mut unseen = [0.0; 12];
     let wn = OMEGA * 40f64.to_radians().cos();
     (unseen[2], unseen[6]) = (1.0 / SIGMA_PHI[2], -wn / SIGMA_EPS);
-    let view = direction(&s, &unseen, 1.0, &limits);
+    let view = direction(&space, &unseen, 1.0, &limits);
     assert!((view.share - 1.0).abs() < 1e-9 && view.flag == Flag::Agree);
     assert_eq!((view.main, view.next), (6, None));
     assert_eq!(
-        direction(&s, &unseen, 1.3, &limits).flag,
+        direction(&space, &unseen, 1.3, &limits).flag,
         Flag::Contradiction
     );
     let mut seen = [0.0; 12];
     (seen[2], seen[6]) = (wn * SIGMA_PHI[2], SIGMA_EPS);
-    assert_eq!(direction(&s, &seen, 1.1e4, &limits).flag, Flag::Agree);
-    assert_eq!(direction(&s, &seen, 1.3, &limits).flag, Flag::Slow);
+    assert_eq!(direction(&space, &seen, 1.1e4, &limits).flag, Flag::Agree);
+    assert_eq!(direction(&space, &seen, 1.3, &limits).flag, Flag::Slow);
 }

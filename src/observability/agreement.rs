@@ -13,7 +13,7 @@
 
 use core::fmt;
 
-use super::ceiling::{ceiling, unseen_space, MARGIN};
+use super::ceiling::{ceiling, Unseen, MARGIN};
 use super::comprehensive::of_state;
 use super::pwcs::{Kind, Staged};
 use super::structural::Class;
@@ -92,10 +92,12 @@ impl<T: Real> View<T> {
     /// Looks at one state.
     ///
     /// * `staged`: elimination of all segments so far
+    /// * `unseen`: what it leaves unseen
     /// * `class`: of [`super::structural::Report::class`], or of the bound D for several segments
     /// * `xi2`: from the filter, or a covariance analysis
     pub fn of<const N: usize, const M: usize>(
         staged: &Staged<T, N, M>,
+        unseen: &Unseen<T, N>,
         state: usize,
         class: Option<Class>,
         xi2: Option<T>,
@@ -103,7 +105,7 @@ impl<T: Real> View<T> {
     ) -> Self {
         let row = row_of(staged, state, limits);
         // In the unseen space: along its own shadow there, which other state is largest?
-        let shadow = shadow(staged, state);
+        let shadow = unseen.shadow(state);
         let share = shadow.get(state).copied().unwrap_or_else(T::zero);
         let mut partner = None;
         let mut largest = limits.coupling * share;
@@ -176,7 +178,6 @@ impl<T: Real> View<T> {
 }
 
 /// Of the row of a state: whether it holds nothing else, its order and its degree.
-#[inline(never)] // so that the row is off the stack before the unseen space is on it
 fn row_of<T: Real, const N: usize, const M: usize>(
     staged: &Staged<T, N, M>,
     state: usize,
@@ -185,23 +186,6 @@ fn row_of<T: Real, const N: usize, const M: usize>(
     let row = of_state(staged, state)?;
     let strict = row.kept(limits.coupling) == 1 << (state & 63);
     Some((strict, row.order, row.degree))
-}
-
-/// The unit vector of a state, projected on the unseen space.
-#[inline(never)] // so that the space is off the stack when the shadow is looked at
-fn shadow<T: Real, const N: usize, const M: usize>(
-    staged: &Staged<T, N, M>,
-    state: usize,
-) -> [T; N] {
-    let null = unseen_space(staged);
-    let mut shadow = [T::zero(); N];
-    for v in null.vectors.iter().take(null.len) {
-        let own = v.get(state).copied().unwrap_or_else(T::zero);
-        for (x, y) in shadow.iter_mut().zip(v) {
-            *x += own * *y;
-        }
-    }
-    shadow
 }
 
 /// What would tell two states apart.
@@ -306,16 +290,14 @@ pub struct DirectionView<T> {
 /// Looks along one direction (σ0 units, any length), for instance an eigenvector of the filter's spectrum.
 ///
 /// `eta2`: 1/(vᵀ P v) of the filter for the unit vector, P in σ0 units. A direction in the unseen space keeps η2 = 1.
-pub fn direction<T: Real, const N: usize, const M: usize>(
-    staged: &Staged<T, N, M>,
+pub fn direction<T: Real, const N: usize>(
+    unseen: &Unseen<T, N>,
     v: &[T; N],
     eta2: T,
     limits: &Limits<T>,
 ) -> DirectionView<T> {
-    let mut length = T::zero();
     let (mut main, mut next) = ((0, T::zero()), (None, T::zero()));
     for (j, x) in v.iter().enumerate() {
-        length += *x * *x;
         if x.abs() > main.1 {
             next = (Some(main.0).filter(|_| main.1 > T::zero()), main.1);
             main = (j, x.abs());
@@ -323,20 +305,7 @@ pub fn direction<T: Real, const N: usize, const M: usize>(
             next = (Some(j), x.abs());
         }
     }
-    let null = unseen_space(staged);
-    let mut share = T::zero();
-    for n in null.vectors.iter().take(null.len) {
-        let mut part = T::zero();
-        for (x, y) in n.iter().zip(v) {
-            part += *x * *y;
-        }
-        share += part * part;
-    }
-    share = if length > T::zero() {
-        share / length
-    } else {
-        T::zero()
-    };
+    let share = unseen.share(v);
     let ceiling = ceiling(share);
     let flag = if ceiling.is_some_and(|c| eta2 > c * (T::one() + limits.margin)) {
         Flag::Contradiction

@@ -13,7 +13,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::basis::Basis;
+use super::basis::{dot, Basis};
 use super::comprehensive::null_vector;
 use super::one_sided::{identity, rotate, Triangle};
 use super::pwcs::Staged;
@@ -44,45 +44,96 @@ pub fn tilt_excess(tilt: f32, accel_bias: f32, walk: f32, seconds: f32) -> f32 {
     ratio * ratio * seconds
 }
 
-/// s_j of every state: share that lies in the unobservable space, in σ0 units. 0: fully seen, ξ2 unbounded; 1: not seen
-/// at all, ξ2 stays 1.
+/// What no measurement sees: an orthonormal basis N of the unobservable space, in the σ0 units of the elimination's scale.
 ///
-/// The σ0 are those of the elimination's scale.
-pub fn unseen_share<T: Real, const N: usize, const M: usize>(staged: &Staged<T, N, M>) -> [T; N] {
-    let null = unseen_space(staged);
-    let mut share = [T::zero(); N];
-    for v in null.vectors.iter().take(null.len) {
-        for (s, x) in share.iter_mut().zip(v) {
-            *s += *x * *x;
-        }
-    }
-    share
+/// Found once after an elimination; states and directions are then looked up in it. It lives where the caller has room
+/// for N² numbers, often beside the elimination.
+#[derive(Clone, Copy, Debug)]
+pub struct Unseen<T, const N: usize> {
+    basis: Basis<T, N>,
 }
 
-/// An orthonormal basis of what is not seen, in σ0 units.
-pub(super) fn unseen_space<T: Real, const N: usize, const M: usize>(
-    staged: &Staged<T, N, M>,
-) -> Basis<T, N> {
-    let scale = staged.scale();
-    let mut null = Basis::<T, N>::new();
-    for free in 0..N {
-        if let Some(mut v) = null_vector(staged, free) {
-            let mut largest = T::zero();
-            for (x, (unit, sigma)) in v.iter_mut().zip(scale.unit.iter().zip(&scale.sigma)) {
-                *x *= *unit / *sigma;
-                if x.abs() > largest {
-                    largest = x.abs();
-                }
-            }
-            // Its own state is 1 in canonical units, so the largest is not 0.
-            let inverse = T::one() / largest;
-            for x in &mut v {
-                *x *= inverse;
-            }
-            null.add_rest(&mut v, T::zero());
+impl<T: Real, const N: usize> Default for Unseen<T, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Real, const N: usize> Unseen<T, N> {
+    /// Nothing is unseen.
+    pub fn new() -> Self {
+        Self {
+            basis: Basis::new(),
         }
     }
-    null
+
+    /// What an elimination leaves unseen.
+    pub fn of<const M: usize>(staged: &Staged<T, N, M>) -> Self {
+        let mut unseen = Self::new();
+        unseen.find(staged);
+        unseen
+    }
+
+    /// [`Unseen::of`] in place of what was found before.
+    pub fn find<const M: usize>(&mut self, staged: &Staged<T, N, M>) {
+        let scale = staged.scale();
+        self.basis.len = 0;
+        for free in 0..N {
+            if let Some(mut v) = null_vector(staged, free) {
+                let mut largest = T::zero();
+                for (x, (unit, sigma)) in v.iter_mut().zip(scale.unit.iter().zip(&scale.sigma)) {
+                    *x *= *unit / *sigma;
+                    if x.abs() > largest {
+                        largest = x.abs();
+                    }
+                }
+                // Its own state is 1 in canonical units, so the largest is not 0.
+                let inverse = T::one() / largest;
+                for x in &mut v {
+                    *x *= inverse;
+                }
+                self.basis.add_rest(&mut v, T::zero());
+            }
+        }
+    }
+
+    /// s_j of every state: the share of it that is unseen. 0: fully seen, ξ2 unbounded; 1: not seen at all, ξ2 stays 1.
+    pub fn shares(&self) -> [T; N] {
+        let mut shares = [T::zero(); N];
+        for v in self.basis.vectors.iter().take(self.basis.len) {
+            for (s, x) in shares.iter_mut().zip(v) {
+                *s += *x * *x;
+            }
+        }
+        shares
+    }
+
+    /// The same share of a direction in σ0 units, of any length; 0 for none.
+    pub fn share(&self, direction: &[T; N]) -> T {
+        let mut share = T::zero();
+        for v in self.basis.vectors.iter().take(self.basis.len) {
+            let part = dot(v, direction);
+            share += part * part;
+        }
+        let length = dot(direction, direction);
+        if length > T::zero() {
+            share / length
+        } else {
+            T::zero()
+        }
+    }
+
+    /// The unit vector of a state, projected on the unseen space: its own element is the state's share.
+    pub fn shadow(&self, state: usize) -> [T; N] {
+        let mut shadow = [T::zero(); N];
+        for v in self.basis.vectors.iter().take(self.basis.len) {
+            let own = v.get(state).copied().unwrap_or_else(T::zero);
+            for (x, y) in shadow.iter_mut().zip(v) {
+                *x += own * *y;
+            }
+        }
+        shadow
+    }
 }
 
 /// The ceiling of ξ2: 1/s; `None` where s = 0 and there is none.

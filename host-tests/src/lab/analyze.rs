@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 use navsight::covariance::{Covariance, Observation, Rows};
 use navsight::error_model::discrete::phi_minus_identity;
 use navsight::observability::agreement::{direction, DirectionView, Limits, View};
-use navsight::observability::ceiling::{unseen_share, Gramian};
+use navsight::observability::ceiling::{Gramian, Unseen};
 use navsight::observability::eigen_degree::{Eigen, EigenDegree, Form};
 use navsight::observability::pwcs::{Kind, Scale, Staged};
 use navsight::observability::structural::{Changes, Class, Pattern, Report, Segments};
@@ -108,7 +108,8 @@ impl Fixed {
             own.segment(f, h, None).map_err(refused)?;
             let mut form = Form::scaled(self.sigma.data.0[0], self.r_sigma, *duration);
             form.blocks = n;
-            let degree = EigenDegree::new(f, h, &form, &own).map_err(refused)?.run(f);
+            let mut degree = EigenDegree::new(f, h, &form, &own).map_err(refused)?;
+            degree.run(f);
             // Room that no state uses comes out as combinations of nothing.
             eigen.push(
                 degree
@@ -141,10 +142,11 @@ impl Fixed {
             _ if bound.reach >> j & 1 == 1 => Class::Coupled,
             _ => Class::Unseen,
         };
-        let (xi2, directions) = self.filter(&staged)?;
+        let unseen = Unseen::of(&staged);
+        let (xi2, directions) = self.filter(&unseen)?;
         let limits = Limits::default();
         let views: Vec<View<f64>> = (0..n)
-            .map(|j| View::of(&staged, j, Some(class(j)), Some(xi2[j]), &limits))
+            .map(|j| View::of(&staged, &unseen, j, Some(class(j)), Some(xi2[j]), &limits))
             .collect();
         let mut names = [""; N];
         for (slot, name) in names.iter_mut().zip(&self.names) {
@@ -155,7 +157,7 @@ impl Fixed {
             .map(|v| v.sentence(&limits, &names, &self.kinds).to_string())
             .collect();
         Ok(Found {
-            share: unseen_share(&staged),
+            share: unseen.shares(),
             rank_total: total.rank(),
             staged,
             eigen,
@@ -201,7 +203,7 @@ impl Fixed {
     #[allow(clippy::type_complexity)]
     fn filter(
         &self,
-        staged: &Staged<f64, N, N>,
+        unseen: &Unseen<f64, N>,
     ) -> Result<(Vec<f64>, Vec<([f64; N], DirectionView<f64>)>), LabError> {
         let refused = |e| LabError::plain(format!("the covariance analysis stopped: {e:?}"));
         let n = self.n();
@@ -245,7 +247,7 @@ impl Fixed {
             .map(|v| {
                 let column = SVector::<f64, N>::from(*v);
                 let eta2 = 1.0 / (column.transpose() * left * column).x;
-                (*v, direction(staged, v, eta2, &limits))
+                (*v, direction(unseen, v, eta2, &limits))
             })
             .collect();
         directions.sort_by(|(_, a), (_, b)| b.eta2.total_cmp(&a.eta2));

@@ -1,6 +1,7 @@
 //! `lab structural`: what zero patterns decide, by graphs.
 
 use std::path::PathBuf;
+use std::slice::from_ref;
 
 use navsight::observability::structural::*;
 use serde::Deserialize;
@@ -202,14 +203,14 @@ impl Checked {
         match self {
             Checked::Lti(p) => {
                 let r = Report::new(p);
-                let spans = linking_by_span::<N, N>(p);
+                let spans = Linking::<N, N>::new(from_ref(p)).by_span();
                 json!({
                     "name": case.name, "kind": "lti", "n": case.n, "m": case.m,
                     "reach": r.reach, "nu": r.nu, "d": r.d, "is_upper_bound": true,
                     "linking_by_span": spans[..case.n], "structurally_observable": r.observable,
                     "premise_nu_eq_d": r.premise, "unique": r.unique, "unseen": r.unseen,
-                    "groups": Groups::of_pattern::<N>(p).sets(),
-                    "by_convention": by_convention::<N, N>(p, &[]),
+                    "groups": Groups::of_linking(&Linking::<N, N>::of_span(from_ref(p), case.n)).sets(),
+                    "by_convention": Linking::<N, N>::new(from_ref(p)).by_convention(&[]),
                     "count_max_matchings": Matchings::new(p).count(COUNT, 1_000_000),
                 })
             }
@@ -274,11 +275,10 @@ pub fn pictures(pattern: &Pattern<N>, states: &[String], outputs: &[String]) -> 
         .filter(|(_, r)| **r != u8::MAX)
         .map(|(j, r)| (j, row(usize::from(*r))))
         .collect();
-    let spans = linking_by_span::<N, N>(pattern);
+    let spans = Linking::<N, N>::new(from_ref(pattern)).by_span();
     let most = spans[..n].iter().copied().max().unwrap_or(0);
     let span = spans.iter().position(|s| *s == most).unwrap_or(0) + 1;
-    let segments = [*pattern];
-    let linking = Linking::<N, N>::of_span(&segments, span);
+    let linking = Linking::<N, N>::of_span(from_ref(pattern), span);
     let paths: Vec<Vec<usize>> = members(linking.states())
         .filter_map(|j| {
             let (_, steps) = linking.path(j)?;

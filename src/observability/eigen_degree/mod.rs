@@ -210,15 +210,14 @@ impl<T: Real, const N: usize, const M: usize> EigenDegree<T, N, M> {
         }
     }
 
-    /// All slices at once, where the stack has room for another one of these.
-    pub fn run(mut self, f: &SMatrix<T, N, N>) -> Self {
+    /// All slices at once.
+    pub fn run(&mut self, f: &SMatrix<T, N, N>) {
         // Rows, pairs, blocks and combinations have bounds of their own; this one is above their sum.
         for _ in 0..(N + 1) * (SWEEPS * N + 4 * (N + M) + SWEEPS * N * N) {
             if self.step(f) == Progress::Done {
                 break;
             }
         }
-        self
     }
 
     fn last_block(&self) -> bool {

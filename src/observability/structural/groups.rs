@@ -1,7 +1,7 @@
 //! Groups of coupled states: what is known only jointly.
 
 use super::bits::{at, bit, put, Bits};
-use super::{Linking, Pattern, TermRank};
+use super::{Linking, TermRank};
 
 /// Disjoint sets of states that are coupled with each other, smallest member first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,13 +11,13 @@ pub struct Groups<const N: usize> {
 }
 
 impl<const N: usize> Groups<N> {
-    /// Joins circuits that share a state.
+    /// Joins circuits that share a state. A circuit of one state alone is not seen, and coupled with nobody.
     fn join(circuits: impl Iterator<Item = u32>) -> Self {
         let mut groups = Self {
             sets: [0; N],
             len: 0,
         };
-        for circuit in circuits {
+        for circuit in circuits.filter(|circuit| circuit & (circuit - 1) != 0) {
             let mut joined = circuit;
             let mut kept = 0;
             for at_set in 0..groups.len {
@@ -52,23 +52,15 @@ impl<const N: usize> Groups<N> {
 
     /// Groups of one segment, by exchange: a state outside a largest linking, and those that could be given up for it.
     ///
-    /// `L` ≥ n layers. Costs one linking and one search for each state outside it.
-    pub fn of_pattern<const L: usize>(pattern: &Pattern<N>) -> Self {
-        let segments = [*pattern];
-        let linking = Linking::<N, L>::of_span(&segments, pattern.states());
-        let outside = pattern.reach() & !linking.states();
-        Self::join(Bits(outside).map(|j| linking.circuit(j)))
+    /// `linking`: of all states, within n steps. Costs one search for each state outside it.
+    pub fn of_linking<const L: usize>(linking: &Linking<'_, N, L>) -> Self {
+        Self::join(Bits(linking.outside()).map(|j| linking.circuit(j)))
     }
 
     /// Groups of columns of a matching, among `columns`.
     pub(super) fn of_columns(rank: &TermRank<N>, columns: u32) -> Self {
         let outside = columns & !rank.matched();
-        Self::join(
-            Bits(outside)
-                .map(|j| rank.circuit(j))
-                // A column in no row at all is not seen, and coupled with nobody.
-                .filter(|circuit| circuit & (circuit - 1) != 0),
-        )
+        Self::join(Bits(outside).map(|j| rank.circuit(j)))
     }
 
     /// The sets.

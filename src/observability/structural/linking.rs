@@ -1,6 +1,6 @@
 //! Linking in the dynamic graph: how many initial states reach outputs by disjoint paths within a span.
 
-use super::bits::{at, bit, first, put, Bits};
+use super::bits::{at, bit, put, Bits};
 use super::Pattern;
 
 /// Most segments of a piecewise constant system.
@@ -160,11 +160,37 @@ impl<'a, const N: usize, const L: usize> Linking<'a, N, L> {
     /// Tries to link each of these states, smallest first; returns those that are linked now. The order decides which
     /// states of a coupled group are taken, never how many.
     pub fn link(&mut self, states: u32) -> u32 {
-        let all = self.segments.first().map_or(0, Pattern::all);
-        for state in Bits(states & all & !self.linked) {
+        for state in Bits(states & self.outside()) {
             self.link_one(state);
         }
         self.linked
+    }
+
+    /// Links all states, one more step of the span at a time: how many are linked within the spans 1 … n, so what can be
+    /// reached with so many derivatives.
+    pub fn by_span(&mut self) -> [u8; N] {
+        let states = self.segments.first().map_or(0, Pattern::states);
+        let mut sizes = [0; N];
+        for (span, size) in (1..=states).zip(&mut sizes) {
+            self.widen(span);
+            self.link(u32::MAX);
+            *size = self.size() as u8;
+        }
+        sizes
+    }
+
+    /// Keeps states in order of preference as long as they stay jointly observable: one customary answer to "which
+    /// states are observable", a convention where states are coupled.
+    ///
+    /// * `keep_first`: states, most wanted first; the others follow by number
+    ///
+    /// Returns the states that are linked now, within n steps.
+    pub fn by_convention(&mut self, keep_first: &[usize]) -> u32 {
+        self.widen(self.segments.first().map_or(0, Pattern::states));
+        for state in keep_first {
+            self.link(bit(*state));
+        }
+        self.link(u32::MAX)
     }
 
     /// Number of disjoint paths.
@@ -177,7 +203,13 @@ impl<'a, const N: usize, const L: usize> Linking<'a, N, L> {
         self.linked
     }
 
+    /// States that are not linked.
+    pub(super) fn outside(&self) -> u32 {
+        self.segments.first().map_or(0, Pattern::all) & !self.linked
+    }
+
     /// Tries to link one more state, re-routing the paths there are; true where it worked.
+    #[inline(never)] // so that the tables of its search are not on the stack of another
     pub fn link_one(&mut self, state: usize) -> bool {
         if self.linked & bit(state) != 0 {
             return true;
@@ -196,6 +228,7 @@ impl<'a, const N: usize, const L: usize> Linking<'a, N, L> {
 
     /// For a state that cannot be linked any more: the linked states that could be given up for it, and itself. Nothing
     /// but itself means that it reaches no output.
+    #[inline(never)] // as above
     pub fn circuit(&self, state: usize) -> u32 {
         self.search(&mut Search::new(), state).1
     }
@@ -343,36 +376,4 @@ impl<'a, const N: usize, const L: usize> Linking<'a, N, L> {
             };
         }
     }
-}
-
-/// Linking for every span 1 … n: what can be reached with so many derivatives. `L` ≥ n layers.
-pub fn linking_by_span<const N: usize, const L: usize>(pattern: &Pattern<N>) -> [u8; N] {
-    let segments = [*pattern];
-    let mut linking = Linking::<N, L>::new(&segments);
-    let mut sizes = [0; N];
-    for (span, size) in sizes.iter_mut().enumerate() {
-        if span >= pattern.states() {
-            break;
-        }
-        linking.widen(span + 1);
-        linking.link(u32::MAX);
-        *size = linking.size() as u8;
-    }
-    sizes
-}
-
-/// Keeps states in order of preference as long as they stay jointly observable: one customary answer to "which states
-/// are observable", a convention where states are coupled. `keep_first`: states, most wanted first; the others follow
-/// by number.
-pub fn by_convention<const N: usize, const L: usize>(
-    pattern: &Pattern<N>,
-    keep_first: &[usize],
-) -> u32 {
-    let segments = [*pattern];
-    let mut linking = Linking::<N, L>::new(&segments);
-    linking.widen(pattern.states());
-    for state in keep_first {
-        linking.link(bit(*state) & first(pattern.states()));
-    }
-    linking.link(u32::MAX)
 }

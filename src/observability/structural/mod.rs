@@ -28,7 +28,7 @@ mod term_rank;
 
 pub use cover::{Cover, Next};
 pub use groups::Groups;
-pub use linking::{by_convention, linking_by_span, Linking, MAX_SEGMENTS};
+pub use linking::{Linking, MAX_SEGMENTS};
 pub use matching::{matching_size, maximum_matching, Found, Matching, Matchings};
 pub use pattern::{Pattern, MAX_STATES};
 pub use segments::{holds, matching_separate, matching_shared, members, Bound, Changes, Segments};

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use navsight::error::Error;
 use navsight::error_model::{psi, Environment, ATT, BA, N, VEL};
 use navsight::filter::{Filter, UpdateReport};
-use navsight::observability::ceiling::{ceiling, tilt_excess, unseen_share, MARGIN};
+use navsight::observability::ceiling::{ceiling, tilt_excess, Unseen, MARGIN};
 use navsight::observability::pwcs::{Scale, Staged, NAVIGATION};
 use navsight::observability::verdict::{Judgement, Limits, Verdict, Verdicts};
 use serde_json::{json, Value};
@@ -203,5 +203,7 @@ fn ceilings(filter: &Filter) -> Result<[Option<f32>; N], Error> {
     let sigma = SVector::<f64, N>::from(filter.sigma0().map(f64::from));
     let mut staged = Staged::new(&Scale::canonical(&NAVIGATION, &sigma, env.gravity))?;
     staged.segment(&f, &h, None)?;
-    Ok(unseen_share(&staged).map(|share| ceiling(share).map(|c| c as f32)))
+    Ok(Unseen::of(&staged)
+        .shares()
+        .map(|share| ceiling(share).map(|c| c as f32)))
 }
