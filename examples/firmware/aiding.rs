@@ -137,15 +137,15 @@ fn late(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Res
         (late.clone(), imu),
         |(late, imu)| late.propagate(imu),
     )?;
-    type Late = (LateFilter<REMEMBERED>, Source, PositionVelocity);
-    let state: Late = (late, source, fix);
+    type Late = (LateFilter<REMEMBERED>, Source, PositionVelocity, Aided<6>);
+    let state: Late = (late, source, fix, Aided::empty());
     table.row(
         "six-row fix 0.2 s late, with its rows",
         "f32",
         state,
-        |(late, source, fix)| -> Result<Aided<6>, Error> {
+        |(late, source, fix, aided)| {
             let time = late.filter().time() - 0.205;
-            late.update(source, time, |nav| fix.linearize(nav))
+            late.update_into(source, time, |nav| fix.linearize(nav), aided)
         },
     )
 }

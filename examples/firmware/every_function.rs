@@ -24,7 +24,9 @@ use navsight::error::Error;
 use navsight::error_model::{
     self, discrete, phi, psi, BiasModel, Environment, Interval, NoiseDensity, Scaling,
 };
-use navsight::filter::{Filter, Gate, LateFilter, Prior, Settings, Source, States, UpdateReport};
+use navsight::filter::{
+    Aided, Filter, Gate, LateFilter, Prior, Settings, Source, States, UpdateReport,
+};
 use navsight::imu::{ConingSculling, ImuIncrement, ImuLimits};
 use navsight::linalg::{self, BlockTransition, Real, Two};
 use navsight::measurement::{
@@ -581,6 +583,9 @@ fn late_rows<const M: usize>(filter: &mut LateFilter<16>, source: &mut Source) {
         keep(nav.v_n());
         linearized
     }));
+    let mut aided = Aided::<M>::empty();
+    keep(filter.update_into(source, any(0.5), |_| linearized, &mut aided));
+    keep(aided);
 }
 
 fn in_motion() -> Result<(), Error> {

@@ -16,14 +16,17 @@
 //!
 //! Accuracy against an undelayed filter, and the cost of ignoring the delay: `host-tests/tests/late.rs`.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
-use super::history::History;
-use super::source::{Aided, Source};
+use super::history::{History, Place};
+use super::past::Back;
+use super::source::{Aided, Source, States};
 use super::{unwatched, Filter, UpdateReport};
+use crate::covariance::Covariance15;
 use crate::error::Error;
-use crate::error_model::N;
+use crate::error_model::{NoiseDensity, N};
 use crate::imu::ImuIncrement;
+use crate::linalg::each_state;
 use crate::measurement::{Jacobian, Linearized};
 use crate::nav::NavState;
 
@@ -87,10 +90,12 @@ impl<const K: usize> LateFilter<K> {
             () if !time.is_finite() => Err(Error::NonFinite),
             () if time > now + AHEAD => Err(Error::Time),
             () if time >= now => Ok(*self.filter.nav()),
-            () => self
-                .history
-                .past(self.filter.nav(), now, time)
-                .map(|(nav, _)| nav),
+            () => {
+                let place = self.history.find(now, time)?;
+                let mut then = *self.filter.nav();
+                self.history.rewind(&mut then, &place)?;
+                Ok(then)
+            }
         }
     }
 
@@ -103,12 +108,30 @@ impl<const K: usize> LateFilter<K> {
     /// # Errors
     /// [`Error::Late`] when the time is further back than the history reaches, [`Error::Time`] when it is to come, and
     /// those of [`Filter::update`]. The record of the source is then as it was.
+    #[inline(always)]
     pub fn update<const M: usize>(
         &mut self,
         source: &mut Source,
         time: f64,
         linearize: impl FnOnce(&NavState) -> Linearized<M>,
     ) -> Result<Aided<M>, Error> {
+        let mut aided = Aided::empty();
+        self.update_into(source, time, linearize, &mut aided)?;
+        Ok(aided)
+    }
+
+    /// As [`LateFilter::update`], with the outcome written where the caller has room for it: copies and their stack less.
+    /// After an error it may hold anything.
+    ///
+    /// # Errors
+    /// Those of [`LateFilter::update`].
+    pub fn update_into<const M: usize>(
+        &mut self,
+        source: &mut Source,
+        time: f64,
+        linearize: impl FnOnce(&NavState) -> Linearized<M>,
+        aided: &mut Aided<M>,
+    ) -> Result<(), Error> {
         let now = self.filter.time();
         if !time.is_finite() {
             return Err(Error::NonFinite);
@@ -116,67 +139,107 @@ impl<const K: usize> LateFilter<K> {
         if time > now + AHEAD {
             return Err(Error::Time);
         }
-        let age = (now - time).max(0.0) as f32;
-        let measurement = if time < now {
-            let (then, back) = self.history.past(self.filter.nav(), now, time)?;
-            let of_then = linearize(&then);
-            let h = of_then.h.dense();
-            let noise = back.noise(&h, &self.filter.settings().noise);
-            let rows = back.rows(&h);
-            let mut r = of_then.r;
-            if noise.iter().zip(r.iter()).any(|(q, r)| *q > 1e-4 * *r) {
-                self.filter.synchronize();
-                let each = &rows.transpose().data.0;
-                for ((r, &q), h) in r.iter_mut().zip(noise.iter()).zip(each) {
-                    *r = widened(*r, q, self.variance(h));
-                }
+        aided.age = (now - time).max(0.0) as f32;
+        // q of each row has its place in the report, where the update writes over it
+        let q = &mut aided.report.s;
+        self.linearize(now, time, linearize, &mut aided.measurement, q)?;
+        self.widen(&mut aided.measurement, q);
+        let limit = source.gate().limit;
+        self.apply(&aided.measurement, limit, &mut aided.report)?;
+        let due = source.due(time);
+        let reset = match due {
+            Some(states) if aided.report.rows_accepted() < M => {
+                self.open(states, aided)?;
+                self.apply(&aided.measurement, None, &mut aided.report)?;
+                true
             }
-            Linearized {
-                h: Jacobian::Dense(rows),
-                r,
-                ..of_then
-            }
-        } else {
-            linearize(self.filter.nav())
+            _ => false,
         };
-        let (report, reset) = self.through_gate(source, time, &measurement)?;
-        let handling = source.record(time, &report, reset);
-        Ok(Aided {
-            report,
-            handling,
-            age,
-        })
+        aided.handling = source.record(time, &aided.report, reset);
+        Ok(())
     }
 
-    fn through_gate<const M: usize>(
-        &mut self,
-        source: &Source,
+    /// The measurement as rows on the present; q: the noise since then in each.
+    #[inline(never)]
+    fn linearize<const M: usize>(
+        &self,
+        now: f64,
         time: f64,
-        measurement: &Linearized<M>,
-    ) -> Result<(UpdateReport<M>, bool), Error> {
-        let mut report = UpdateReport::empty();
-        self.apply(measurement, source.gate().limit, &mut report)?;
-        let open = match source.due(time) {
-            Some(states) if report.rows_accepted() < M => states,
-            _ => return Ok((report, false)),
+        linearize: impl FnOnce(&NavState) -> Linearized<M>,
+        measurement: &mut Linearized<M>,
+        q: &mut [f32; M],
+    ) -> Result<(), Error> {
+        let nav = self.filter.nav();
+        if time >= now {
+            *q = [0.0; M];
+            linearized(linearize, nav, measurement);
+            return Ok(());
+        }
+        let place = self.history.find(now, time)?;
+        let mut then = *nav;
+        self.history.rewind(&mut then, &place)?;
+        linearized(linearize, &then, measurement);
+        self.carry(&place, &mut measurement.h, q);
+        Ok(())
+    }
+
+    /// Rows of then become rows of now.
+    #[inline(never)]
+    fn carry<const M: usize>(&self, place: &Place, rows: &mut Jacobian<M>, q: &mut [f32; M]) {
+        let antenna = match rows {
+            Jacobian::Antenna(rows) if M == 6 => Some(*rows),
+            _ => None,
         };
-        // What the accepted rows said stays said; the refused ones are in this measurement again, and now they win.
+        match antenna {
+            Some(_) => clear(rows),
+            None => write_out(rows),
+        }
+        let Jacobian::Dense(h) = rows else { return };
+        let mut back = Back::NONE;
+        self.history.way_back(place, &mut back);
+        let noise = &self.filter.settings().noise;
+        match antenna {
+            Some(rows) => *q = back.antenna(&rows, noise, &mut h.data.0),
+            None => carry_each(&back, noise, &mut h.data.0, q),
+        }
+    }
+
+    /// The noise that the rows are given for q.
+    #[inline(never)]
+    fn widen<const M: usize>(&mut self, measurement: &mut Linearized<M>, q: &[f32; M]) {
+        let Jacobian::Dense(h) = &measurement.h else {
+            return; // of the present
+        };
+        for ((m, r), q) in measurement.r.iter_mut().enumerate().zip(q) {
+            if *q > 1e-4 * *r {
+                self.filter.synchronize();
+                let mut row = row_of(&h.data.0, m);
+                in_units(&mut row, self.filter.sigma0());
+                *r = widened(*r, *q, along(self.filter.covariance(), &row));
+            }
+        }
+    }
+
+    /// What the accepted rows said stays said; the refused ones are in this measurement again, and now they win.
+    #[cold]
+    #[inline(never)]
+    fn open<const M: usize>(&mut self, states: States, aided: &mut Aided<M>) -> Result<(), Error> {
+        let (report, measurement) = (&aided.report, &mut aided.measurement);
         let (mut nu, mut r) = (0.0f32, 0.0f32);
         for (&x, &v) in measurement.nu.iter().zip(measurement.r.iter()) {
             (nu, r) = (nu.max(x.abs()), r.max(v));
         }
-        self.filter.open(open, 10.0 * (nu + libm::sqrtf(r)))?;
+        self.filter.open(states, 10.0 * (nu + libm::sqrtf(r)))?;
         // The innovation has been moved by the rows that were used.
-        let moved = measurement.h.dense() * self.correction(&report);
-        let again = Linearized {
-            nu: measurement.nu - moved,
-            ..*measurement
-        };
-        self.apply(&again, None, &mut report)?;
-        Ok((report, true))
+        let mut dx = report.correction;
+        in_units(&mut dx, self.filter.sigma0());
+        let moved = measurement.h.dense() * SVector::from(dx);
+        measurement.nu -= moved;
+        Ok(())
     }
 
     /// An update, and the memory of what it corrected.
+    #[inline(never)]
     fn apply<const M: usize>(
         &mut self,
         measurement: &Linearized<M>,
@@ -184,32 +247,108 @@ impl<const K: usize> LateFilter<K> {
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         self.filter.update_gated(measurement, gate, report)?;
-        self.history.corrected(&self.correction(report));
+        self.remember(&report.correction);
         Ok(())
     }
 
-    /// δx of an update, SI.
-    fn correction<const M: usize>(&self, report: &UpdateReport<M>) -> SVector<f32, N> {
-        SVector::from(report.correction).component_mul(&SVector::from(*self.filter.sigma0()))
+    #[inline(never)]
+    fn remember(&mut self, correction: &[f32; N]) {
+        let mut dx = *correction;
+        in_units(&mut dx, self.filter.sigma0());
+        self.history.corrected(&mut dx);
     }
+}
 
-    /// h P hᵀ at present.
-    fn variance(&self, h: &[f32; N]) -> f32 {
-        let (p, sigma0) = (self.filter.covariance(), self.filter.sigma0());
-        let mut sum = 0.0;
-        for (i, (a, si)) in h.iter().zip(sigma0).enumerate() {
-            let scaled = a * si;
-            if scaled == 0.0 {
-                continue;
-            }
-            for (j, (b, sj)) in h.iter().zip(sigma0).enumerate() {
-                if *b != 0.0 {
-                    sum += scaled * p.element(i, j) * (b * sj);
-                }
-            }
-        }
-        sum
+/// For itself, so that nothing but the measurement lies below it.
+#[inline(never)]
+fn linearized<const M: usize>(
+    linearize: impl FnOnce(&NavState) -> Linearized<M>,
+    nav: &NavState,
+    measurement: &mut Linearized<M>,
+) {
+    *measurement = linearize(nav);
+}
+
+/// Room for any rows, zeros. As [`write_out`] for itself: its stack does not lie below what follows.
+#[inline(never)]
+fn clear<const M: usize>(rows: &mut Jacobian<M>) {
+    *rows = Jacobian::Dense(SMatrix::zeros());
+}
+
+/// The same rows with all their elements.
+#[inline(never)]
+fn write_out<const M: usize>(rows: &mut Jacobian<M>) {
+    if !matches!(rows, Jacobian::Dense(_)) {
+        *rows = Jacobian::Dense(rows.dense());
     }
+}
+
+/// Rows of any kind, one by one; q: [`Back::carry`].
+fn carry_each<const M: usize>(
+    back: &Back,
+    noise: &NoiseDensity<f32>,
+    h: &mut [[f32; M]; N],
+    q: &mut [f32; M],
+) {
+    for (m, q) in q.iter_mut().enumerate() {
+        let mut row = row_of(h, m);
+        *q = back.carry(&mut row, noise);
+        macro_rules! one {
+            ($j:literal) => {
+                if let Some(x) = h[$j].get_mut(m) {
+                    *x = row[$j];
+                }
+            };
+        }
+        each_state!(one);
+    }
+}
+
+/// Row m < M.
+#[inline(always)]
+fn row_of<const M: usize>(h: &[[f32; M]; N], m: usize) -> [f32; N] {
+    let mut row = [0.0; N];
+    macro_rules! one {
+        ($j:literal) => {
+            row[$j] = h[$j].get(m).copied().unwrap_or(0.0);
+        };
+    }
+    each_state!(one);
+    row
+}
+
+/// x times `unit`, element by element.
+#[inline(always)]
+fn in_units(x: &mut [f32; N], unit: &[f32; N]) {
+    macro_rules! one {
+        ($i:literal) => {
+            x[$i] *= unit[$i];
+        };
+    }
+    each_state!(one);
+}
+
+/// h P hᵀ
+#[inline(never)]
+fn along(p: &Covariance15<f32>, h: &[f32; N]) -> f32 {
+    let (p, _) = p.words();
+    let mut sum = 0.0;
+    macro_rules! column {
+        ($j:literal) => {
+            let mut x = 0.0;
+            macro_rules! one {
+                ($i:literal) => {
+                    if $i < $j {
+                        x += p[$j * ($j + 1) / 2 + $i] * h[$i];
+                    }
+                };
+            }
+            each_state!(one);
+            sum += h[$j] * (x + x + p[$j * ($j + 1) / 2 + $j] * h[$j]);
+        };
+    }
+    each_state!(column);
+    sum
 }
 
 /// The noise R' at which a row of present variance `s` takes what it may, p²/(p + R) with p = s − q.

@@ -6,28 +6,31 @@
 //! ```
 //! This is the psi-angle model without what turns slowly: Coriolis 2Ω, transport v/R and the gravity gradient g/R, each
 //! below 3e-4 of the state in a second at 300 m/s.
+//!
+//! Three numbers at a time, spelled out for opt-level "s".
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use crate::error_model::{Interval, NoiseDensity, N};
+use crate::measurement::AntennaRows;
 
-use crate::error_model::{Interval, NoiseDensity, ATT, BA, BG, N, POS, VEL};
-use crate::linalg::skew;
+/// Three components of a vector, of a row, or of a column.
+type Three = [f32; 3];
 
 /// An error of the end of a segment, as it was at its beginning.
-pub(super) fn undo(segment: &Interval<f32>, dx: &SVector<f32, N>) -> SVector<f32, N> {
-    let part = |first: usize| dx.fixed_rows::<3>(first).into_owned();
-    let (r, v, psi) = (part(POS), part(VEL), part(ATT));
-    let (c, f, t) = (&segment.c_dt, &segment.f_dt, segment.dt);
-    let psi0 = psi + c * part(BG);
-    let v0 = v - f.cross(&((psi + psi0) * 0.5)) - c * part(BA);
-    let r0 = r - (v + v0) * (0.5 * t);
-    let mut then = *dx;
-    then.fixed_rows_mut::<3>(POS).copy_from(&r0);
-    then.fixed_rows_mut::<3>(VEL).copy_from(&v0);
-    then.fixed_rows_mut::<3>(ATT).copy_from(&psi0);
-    then
+#[inline(never)]
+pub(super) fn undo(segment: &Interval<f32>, dx: &mut [f32; N]) {
+    let [r_e, r_n, r_u, v_e, v_n, v_u, p_e, p_n, p_u, g_x, g_y, g_z, a_x, a_y, a_z] = *dx;
+    let (r, v, psi) = ([r_e, r_n, r_u], [v_e, v_n, v_u], [p_e, p_n, p_u]);
+    let (f, t) = (vector(segment), segment.dt);
+    let psi0 = plus(psi, turned(segment, [g_x, g_y, g_z]));
+    let by_force = cross(f, scaled(plus(psi, psi0), 0.5));
+    let v0 = minus(v, plus(by_force, turned(segment, [a_x, a_y, a_z])));
+    let r0 = minus(r, scaled(plus(v, v0), 0.5 * t));
+    [dx[0], dx[1], dx[2]] = r0;
+    [dx[3], dx[4], dx[5]] = v0;
+    [dx[6], dx[7], dx[8]] = psi0;
 }
 
-/// The same as a matrix, segment after segment: error then = (this) · error now.
+/// The same as a matrix, segment after segment: error then = (this) · error now. Matrices by columns.
 ///
 /// ```text
 /// ψ then = ψ + c b_g
@@ -37,70 +40,191 @@ pub(super) fn undo(segment: &Interval<f32>, dx: &SVector<f32, N>) -> SVector<f32
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Back {
     t: f32,
-    f: Vector3<f32>,
-    g: Vector3<f32>,
-    c: Matrix3<f32>,
-    d: Matrix3<f32>,
-    w: Matrix3<f32>,
-    u: Matrix3<f32>,
+    f: Three,
+    g: Three,
+    c: [Three; 3],
+    d: [Three; 3],
+    w: [Three; 3],
+    u: [Three; 3],
 }
 
 impl Back {
     /// No time at all.
-    pub fn none() -> Self {
-        Self {
-            t: 0.0,
-            f: Vector3::zeros(),
-            g: Vector3::zeros(),
-            c: Matrix3::zeros(),
-            d: Matrix3::zeros(),
-            w: Matrix3::zeros(),
-            u: Matrix3::zeros(),
-        }
-    }
+    pub const NONE: Self = Self {
+        t: 0.0,
+        f: [0.0; 3],
+        g: [0.0; 3],
+        c: [[0.0; 3]; 3],
+        d: [[0.0; 3]; 3],
+        w: [[0.0; 3]; 3],
+        u: [[0.0; 3]; 3],
+    };
 
     /// Further back by one segment.
+    #[inline(never)]
     pub fn over(&mut self, segment: &Interval<f32>) {
-        let half = 0.5 * segment.dt;
-        let (f0, c0, w0) = (self.f, self.c, self.w);
-        self.w += skew(&segment.f_dt) * (self.c + segment.c_dt * 0.5);
-        self.c += segment.c_dt;
-        self.f += segment.f_dt;
-        self.g += (f0 + self.f) * half;
-        self.d += (c0 + self.c) * half;
-        self.u += (w0 + self.w) * half;
-        self.t += segment.dt;
+        let (f, t) = (vector(segment), segment.dt);
+        let columns = &segment.c_dt.data.0;
+        macro_rules! column {
+            ($k:literal) => {
+                // halfway
+                let c = plus(self.c[$k], scaled(columns[$k], 0.5));
+                let half = scaled(cross(f, c), 0.5);
+                let w = plus(self.w[$k], half);
+                self.d[$k] = plus(self.d[$k], scaled(c, t));
+                self.u[$k] = plus(self.u[$k], scaled(w, t));
+                self.w[$k] = plus(w, half);
+                self.c[$k] = plus(self.c[$k], columns[$k]);
+            };
+        }
+        column!(0);
+        column!(1);
+        column!(2);
+        self.g = plus(self.g, scaled(plus(self.f, scaled(f, 0.5)), t));
+        self.f = plus(self.f, f);
+        self.t += t;
     }
 
-    /// Rows of then, as rows on the error of now.
-    pub fn rows<const M: usize>(&self, h: &SMatrix<f32, M, N>) -> SMatrix<f32, M, N> {
-        let part = |first: usize| h.fixed_columns::<3>(first).into_owned();
-        let (r, v, psi, bg, ba) = (part(POS), part(VEL), part(ATT), part(BG), part(BA));
-        let mut now = *h;
-        now.fixed_columns_mut::<3>(VEL).copy_from(&(v - r * self.t));
-        now.fixed_columns_mut::<3>(ATT)
-            .copy_from(&(psi - v * skew(&self.f) + r * skew(&self.g)));
-        now.fixed_columns_mut::<3>(BG)
-            .copy_from(&(bg + psi * self.c - v * self.w + r * self.u));
-        now.fixed_columns_mut::<3>(BA)
-            .copy_from(&(ba - v * self.c + r * self.d));
-        now
+    /// A row of then becomes a row on the error of now; the variance that the process noise since then has in it.
+    #[inline(never)]
+    pub fn carry(&self, row: &mut [f32; N], noise: &NoiseDensity<f32>) -> f32 {
+        let [r_e, r_n, r_u, v_e, v_n, v_u, p_e, p_n, p_u, ..] = *row;
+        let (r, v, psi) = ([r_e, r_n, r_u], [v_e, v_n, v_u], [p_e, p_n, p_u]);
+        [row[3], row[4], row[5]] = minus(v, scaled(r, self.t));
+        [row[6], row[7], row[8]] = plus(minus(psi, cross(v, self.f)), cross(r, self.g));
+        macro_rules! bias {
+            ($k:literal) => {
+                row[9 + $k] += dot(psi, self.c[$k]) - dot(v, self.w[$k]) + dot(r, self.u[$k]);
+                row[12 + $k] += dot(r, self.d[$k]) - dot(v, self.c[$k]);
+            };
+        }
+        bias!(0);
+        bias!(1);
+        bias!(2);
+        self.noise(r, v, psi, noise)
     }
 
-    /// Variance that the process noise since then has in each row of then.
-    pub fn noise<const M: usize>(
+    /// The rows of an antenna, carried, into `h`, which holds zeros and of which M is 6; and their [`Back::noise`].
+    pub fn antenna<const M: usize>(
         &self,
-        h: &SMatrix<f32, M, N>,
+        rows: &AntennaRows,
         noise: &NoiseDensity<f32>,
-    ) -> SVector<f32, M> {
-        let (on_v, on_psi) = (noise.velocity * self.t, noise.attitude * self.t);
-        let on_r = noise.velocity * self.t * self.t * self.t * (1.0 / 3.0);
-        let square = |first: usize| {
-            let part = h.fixed_columns::<3>(first);
-            part.component_mul(&part).column_sum()
-        };
-        square(POS) * on_r + square(VEL) * on_v + square(ATT) * on_psi
+        h: &mut [[f32; M]; N],
+    ) -> [f32; M] {
+        let ([o], [m], [of_r, of_v]) = (rows.offset.data.0, rows.motion.data.0, &rows.lower);
+        let mut q = [0.0; M];
+        if M != 6 {
+            return q;
+        }
+        macro_rules! set {
+            ($j:expr, $row:literal, $lower:ident, $x:expr) => {{
+                let x: Three = $x;
+                let north = x[1] - $lower[0] * x[0];
+                h[$j][$row] = x[0];
+                h[$j][$row + 1] = north;
+                h[$j][$row + 2] = x[2] - $lower[1] * x[0] - $lower[2] * north;
+            }};
+        }
+        // x times I, and [x ×]
+        macro_rules! three {
+            ($j:literal, $row:literal, $lower:ident, $x:expr) => {
+                set!($j, $row, $lower, [$x, 0.0, 0.0]);
+                set!($j + 1, $row, $lower, [0.0, $x, 0.0]);
+                set!($j + 2, $row, $lower, [0.0, 0.0, $x]);
+            };
+            (skew, $row:literal, $lower:ident, $x:expr) => {
+                let x: Three = $x;
+                set!(6, $row, $lower, [0.0, x[2], -x[1]]);
+                set!(7, $row, $lower, [-x[2], 0.0, x[0]]);
+                set!(8, $row, $lower, [x[1], -x[0], 0.0]);
+            };
+        }
+        // as they were then
+        three!(0, 0, of_r, -1.0);
+        three!(3, 3, of_v, -1.0);
+        three!(skew, 0, of_r, scaled(o, -1.0));
+        three!(skew, 3, of_v, scaled(m, -1.0));
+        macro_rules! noise {
+            ($($row:literal)*) => {
+                $(q[$row] = self.noise(
+                    [h[0][$row], h[1][$row], h[2][$row]],
+                    [h[3][$row], h[4][$row], h[5][$row]],
+                    [h[6][$row], h[7][$row], h[8][$row]],
+                    noise,
+                );)*
+            };
+        }
+        noise!(0 1 2 3 4 5);
+        three!(3, 0, of_r, self.t);
+        three!(skew, 0, of_r, scaled(plus(o, self.g), -1.0));
+        three!(skew, 3, of_v, minus(self.f, m));
+        macro_rules! bias {
+            ($k:literal) => {
+                let (c, turned) = (self.c[$k], rows.turned.data.0[$k]);
+                set!(9 + $k, 0, of_r, minus(cross(c, o), self.u[$k]));
+                set!(9 + $k, 3, of_v, plus(plus(turned, cross(c, m)), self.w[$k]));
+                set!(12 + $k, 0, of_r, scaled(self.d[$k], -1.0));
+                set!(12 + $k, 3, of_v, c);
+            };
+        }
+        bias!(0);
+        bias!(1);
+        bias!(2);
+        q
     }
+
+    /// Variance that the process noise since then has in a row of then: its elements on δr, δv and ψ.
+    #[inline(always)]
+    fn noise(&self, r: Three, v: Three, psi: Three, noise: &NoiseDensity<f32>) -> f32 {
+        let (on_v, on_psi) = (noise.velocity * self.t, noise.attitude * self.t);
+        let on_r = on_v * self.t * self.t * (1.0 / 3.0);
+        dot(r, r) * on_r + dot(v, v) * on_v + dot(psi, psi) * on_psi
+    }
+}
+
+/// ∫f dt
+#[inline(always)]
+fn vector(segment: &Interval<f32>) -> Three {
+    segment.f_dt.data.0[0]
+}
+
+/// ∫C dt x
+#[inline(always)]
+fn turned(segment: &Interval<f32>, x: Three) -> Three {
+    let c = &segment.c_dt.data.0;
+    plus(
+        scaled(c[0], x[0]),
+        plus(scaled(c[1], x[1]), scaled(c[2], x[2])),
+    )
+}
+
+#[inline(always)]
+fn plus(a: Three, b: Three) -> Three {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+fn minus(a: Three, b: Three) -> Three {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn scaled(a: Three, by: f32) -> Three {
+    [a[0] * by, a[1] * by, a[2] * by]
+}
+
+#[inline(always)]
+fn dot(a: Three, b: Three) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross(a: Three, b: Three) -> Three {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 #[cfg(test)]
@@ -109,7 +233,15 @@ mod tests {
     use crate::attitude::Euler;
     use crate::earth::Geodetic;
     use crate::imu::ImuIncrement;
+    use crate::measurement::{Accuracy, Antenna, Jacobian, Position, PositionVelocity, Velocity};
     use crate::nav::NavState;
+    use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+    fn undone(segment: &Interval<f32>, dx: SVector<f32, N>) -> SVector<f32, N> {
+        let mut dx: [f32; N] = dx.into();
+        undo(segment, &mut dx);
+        dx.into()
+    }
 
     #[test]
     fn rows_are_the_way_back_of_the_error() {
@@ -120,17 +252,63 @@ mod tests {
             dt: 0.5 * k,
         };
         let (old, new) = (segment(0.7), segment(0.4));
-        let mut back = Back::none();
+        let mut back = Back::NONE;
         back.over(&new);
         back.over(&old);
-        let h = back.rows(&SMatrix::<f32, N, N>::identity());
+        let mut h = SMatrix::<f32, N, N>::identity();
+        for mut row in h.row_iter_mut() {
+            let mut now: [f32; N] = core::array::from_fn(|j| row[j]);
+            back.carry(&mut now, &NoiseDensity::zero());
+            row.copy_from_slice(&now);
+        }
         for j in 0..N {
             let dx = SVector::<f32, N>::ith(j, 1.0);
-            let then = undo(&old, &undo(&new, &dx));
+            let then = undone(&old, undone(&new, dx));
             // a dozen products of order one
             assert!((h.column(j) - then).amax() < 2e-6, "column {j}");
         }
         assert!((back.t - 0.55).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_rows_of_an_antenna_are_carried_like_any_rows() {
+        let mut back = Back::NONE;
+        back.over(&Interval {
+            c_dt: Matrix3::new(0.3, -0.2, 0.1, 0.4, 0.5, -0.6, 0.7, 0.1, 0.2),
+            f_dt: Vector3::new(1.0, -2.0, 9.0),
+            dt: 0.3,
+        });
+        let place = Geodetic::from_degrees(47.3, 8.5, 500.0);
+        let (v, angles) = (
+            Vector3::new(15.0, -20.0, 4.0),
+            Euler::from_degrees(130.0, 20.0, -35.0),
+        );
+        let mut nav = NavState::new(place, v, angles).unwrap();
+        let turn = Vector3::new(0.3, -0.5, 0.8);
+        nav.advance(&ImuIncrement::from_rates(turn, v, 0.01))
+            .unwrap();
+        let r = Matrix3::new(4.0, -1.0, 0.5, -1.0, 9.0, 2.0, 0.5, 2.0, 25.0);
+        let fix = PositionVelocity::new(
+            Position::with_accuracy(place, Accuracy::covariance(&r).unwrap(), 1.0).unwrap(),
+            Velocity::with_accuracy(v, Accuracy::covariance(&(r * 0.1)).unwrap(), 1.0).unwrap(),
+            Antenna::new(Vector3::new(0.5, -1.0, 1.2)).unwrap(),
+        );
+        let Jacobian::Antenna(rows) = fix.linearize(&nav).h else {
+            panic!("an antenna")
+        };
+        let noise = NoiseDensity::from_random_walks(0.1, 0.2);
+        let mut h = [[0.0; 6]; N];
+        let q = back.antenna(&rows, &noise, &mut h);
+        let then: SMatrix<f32, 6, N> = rows.dense();
+        for m in 0..6 {
+            let mut row: [f32; N] = core::array::from_fn(|j| then[(m, j)]);
+            let noise = back.carry(&mut row, &noise);
+            // a dozen products of order one to ten
+            assert!((noise - q[m]).abs() < 1e-6 * noise, "row {m}");
+            for j in 0..N {
+                assert!((row[j] - h[j][m]).abs() < 5e-6, "row {m}, column {j}");
+            }
+        }
     }
 
     /// Two navigators with the same samples, one of them wrong from the start: `undo` of what is between them at the end
@@ -156,7 +334,7 @@ mod tests {
         // the way forwards is the inverse
         let mut back = SMatrix::<f32, N, N>::zeros();
         for j in 0..N {
-            back.set_column(j, &undo(&segment, &SVector::ith(j, 1.0)));
+            back.set_column(j, &undone(&segment, SVector::ith(j, 1.0)));
         }
         let forwards = back.try_inverse().unwrap();
         // m, m/s, rad, rad/s, m/s²

@@ -3,6 +3,8 @@
 use super::report::UpdateReport;
 use crate::error::Error;
 use crate::error_model::{POS, VEL};
+use crate::measurement::{Jacobian, Linearized};
+use nalgebra::{ArrayStorage, SVector};
 
 /// States that a reset opens: bit i for state i.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,10 +91,32 @@ pub enum Handling {
 pub struct Aided<const M: usize> {
     /// What the filter did, as seen from the rows; of a reset, with the states already opened.
     pub report: UpdateReport<M>,
+    /// The measurement as the filter took it: its rows and its noise carried to the present; of a reset, its innovation
+    /// what the first use of it had left.
+    pub measurement: Linearized<M>,
     /// What became of the measurement.
     pub handling: Handling,
     /// How old it was when it arrived [s].
     pub age: f32,
+}
+
+impl<const M: usize> Aided<M> {
+    /// Room for an outcome ([`crate::filter::LateFilter::update_into`]); what it holds before means nothing.
+    #[inline(always)]
+    pub const fn empty() -> Self {
+        let zero = SVector::from_array_storage(ArrayStorage([[0.0; M]]));
+        Self {
+            report: UpdateReport::empty(),
+            measurement: Linearized {
+                nu: zero,
+                h: Jacobian::Direct { first: 0 },
+                r: zero,
+                interval: 0.0,
+            },
+            handling: Handling::Refused,
+            age: 0.0,
+        }
+    }
 }
 
 impl Source {

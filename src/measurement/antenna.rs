@@ -135,13 +135,13 @@ impl Antenna {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AntennaRows {
     /// C l
-    offset: Vector3<f32>,
+    pub(crate) offset: Vector3<f32>,
     /// C (ω × l)
-    motion: Vector3<f32>,
+    pub(crate) motion: Vector3<f32>,
     /// C [l×]
-    turned: Matrix3<f32>,
+    pub(crate) turned: Matrix3<f32>,
     /// Elements (1, 0), (2, 0), (2, 1) of L_r and of L_v
-    lower: [[f32; 3]; 2],
+    pub(crate) lower: [[f32; 3]; 2],
 }
 
 impl AntennaRows {
