@@ -12,7 +12,9 @@ use navsight::measurement::{
 };
 use navsight::nav::NavState;
 use navsight::observability::diagonal::Xi;
-use navsight::tracking::{CurrentModel, Fix, Kinematics, Limits, LocalTracker, Reading, Settings};
+use navsight::tracking::{
+    CurrentModel, Fix, Kinematics, Limits, LocalTracker, Reading, Report, Settings,
+};
 
 use crate::rows::{fix, refused, settled, Table};
 
@@ -174,7 +176,7 @@ fn tracker(table: &mut Table) -> core::fmt::Result {
     table.row(
         "tracker: fix of six channels, three axes",
         "f32",
-        (tracker, fix),
-        |(t, fix)| t.update(fix),
+        (tracker, fix, Report::empty()),
+        |(t, fix, report)| t.update_into(fix, report),
     )
 }

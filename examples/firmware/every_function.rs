@@ -50,7 +50,8 @@ use navsight::observability::verdict::{self, Verdicts};
 use navsight::sensor::{self, Axis, Burst, Triad, Word};
 use navsight::tracking::{
     AxisTracker, CurrentModel, Fix, Kinematics, Limits as AccelerationLimits, LocalTracker, Mean,
-    Noise, Reading, Settings as TrackerSettings, Tracker, Transition, Variance,
+    Noise, Reading, Report as TrackReport, Settings as TrackerSettings, Tracker, Transition,
+    Variance,
 };
 
 /// Takes a result, so that its computation stays.
@@ -401,6 +402,9 @@ fn tracker<T: Real, const AXES: usize, const N: usize, const L: usize>() {
         position: Some(reading),
         velocity: Some(reading),
     });
+    let mut room = any(TrackReport::empty());
+    keep(tracker.update_into(&fix, &mut room));
+    keep(room);
     if let Ok(report) = tracker.update(&fix) {
         keep((report.used(), report.outcome.map(|o| o.map(|o| o.used()))));
         keep(report.information(any(number())));

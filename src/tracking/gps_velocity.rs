@@ -11,8 +11,8 @@
 //! its σ says 3 m. Then give the position a larger σ, or a lower bound to what σ is believed.
 
 use super::current_model::{CurrentModel, Transition};
-use super::fix::{Fix, Reading};
-use crate::covariance::{Covariance, Observation, Rows};
+use super::fix::{Fix, Noise, Reading};
+use crate::covariance::{Chain, Covariance, Lines, Observation, Pattern, Slots, Sums};
 use crate::error::Error;
 use crate::linalg::{two_add, Real};
 use crate::observability::riccati::Information;
@@ -111,6 +111,30 @@ pub struct Report<T, const AXES: usize, const N: usize> {
 }
 
 impl<T: Real, const AXES: usize, const N: usize> Report<T, AXES, N> {
+    /// Room for a report ([`Tracker::update_into`]); what it holds before means nothing.
+    #[must_use]
+    pub fn empty() -> Self {
+        let zero = const { [[T::ZERO; AXES]; 2] };
+        Self {
+            nu: zero,
+            s: zero,
+            outcome: [[Outcome::Missing; AXES]; 2],
+            nis: T::zero(),
+            decrease: const { [T::ZERO; N] },
+            p_before: const { [T::ZERO; N] },
+            p_after: const { [T::ZERO; N] },
+            h: SMatrix::zeros(),
+            r: [T::one(); N],
+        }
+    }
+
+    /// Of a channel that is used.
+    fn innovation(&self, kind: usize, axis: usize) -> Option<T> {
+        let used = self.outcome.get(kind)?.get(axis)?.used();
+        let nu = self.nu.get(kind)?.get(axis)?;
+        used.then_some(*nu)
+    }
+
     /// Number of channels used.
     pub fn used(&self) -> usize {
         self.outcome.iter().flatten().filter(|o| o.used()).count()
@@ -227,11 +251,14 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
         let state = self.state();
         let mut x = self.x;
         let mut sigma2 = self.sigma2;
-        let mut a = SMatrix::<T, N, N>::zeros();
-        let mut q = SMatrix::<T, N, N>::zeros();
+        let mut chains = [Chain {
+            a: const { [T::ZERO; 4] },
+            q: const { [T::ZERO; 6] },
+        }; AXES];
         let [phi_p, phi_v, phi_a] = over.phi;
         let moving = state.velocity.iter().zip(&state.acceleration);
-        for (axis, ((v, acc), sigma2)) in moving.zip(&mut sigma2).enumerate() {
+        let axes = moving.zip(&mut sigma2).zip(&mut chains).enumerate();
+        for (axis, (((v, acc), sigma2), chain)) in axes {
             let index = [axis, AXES + axis, 2 * AXES + axis];
             let gain = model.gain(&over, *acc);
             *sigma2 = model.sigma2(*acc + at(&gain, 2));
@@ -242,24 +269,27 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
                     *x = two_add(x.0, x.1, step);
                 }
             }
-            let [p, v, a_] = index;
             let [unit_p, unit_v, unit_a] = index.map(|i| at(&self.unit, i));
-            set(&mut a, p, v, dt * unit_v / unit_p);
-            set(&mut a, p, a_, phi_p * unit_a / unit_p);
-            set(&mut a, v, a_, phi_v * unit_a / unit_v);
-            set(&mut a, a_, a_, phi_a);
+            chain.a = [
+                dt * unit_v / unit_p,
+                phi_p * unit_a / unit_p,
+                phi_v * unit_a / unit_v,
+                phi_a,
+            ];
             let [q11, q12, q13, q22, q23, q33] = over.noise(*sigma2);
-            set(&mut q, p, p, q11 / unit_p / unit_p);
-            set(&mut q, p, v, q12 / unit_p / unit_v);
-            set(&mut q, p, a_, q13 / unit_p / unit_a);
-            set(&mut q, v, v, q22 / unit_v / unit_v);
-            set(&mut q, v, a_, q23 / unit_v / unit_a);
-            set(&mut q, a_, a_, q33 / unit_a / unit_a);
+            chain.q = [
+                q11 / unit_p / unit_p,
+                q12 / unit_p / unit_v,
+                q13 / unit_p / unit_a,
+                q22 / unit_v / unit_v,
+                q23 / unit_v / unit_a,
+                q33 / unit_a / unit_a,
+            ];
         }
         if x.iter().any(|x| !x.0.finite()) {
             return Err(Error::OutOfRange);
         }
-        self.covariance.propagate_full(&a, &q);
+        self.covariance.propagate_chains(&chains);
         (self.x, self.sigma2, self.transition) = (x, sigma2, Some(over));
         Ok(())
     }
@@ -273,106 +303,159 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
     /// [`Error::NonFinite`] and [`Error::OutOfRange`] for a reading that cannot be; [`Error::NotPositive`] when a
     /// correlated noise is no covariance; [`Error::InnovationVariance`] and [`Error::Variance`] when the filter's own
     /// covariance is broken, which a new start must answer. The tracker is then unchanged.
+    #[inline(always)]
     pub fn update(&mut self, fix: &Fix<T, AXES>) -> Result<Report<T, AXES, N>, Error> {
+        let mut report = Report::empty();
+        self.update_into(fix, &mut report)?;
+        Ok(report)
+    }
+
+    /// As [`Tracker::update`], with the report written where the caller has room for it: a copy and its stack less. After
+    /// an error the report may hold anything.
+    ///
+    /// # Errors
+    /// Those of [`Tracker::update`].
+    #[inline(never)]
+    pub fn update_into(
+        &mut self,
+        fix: &Fix<T, AXES>,
+        report: &mut Report<T, AXES, N>,
+    ) -> Result<(), Error> {
         let readings = [&fix.position, &fix.velocity];
         for reading in readings.into_iter().flatten() {
             reading.check()?;
         }
-        let zero = [[T::zero(); AXES]; 2];
-        let mut report = Report {
-            nu: zero,
-            s: zero,
-            outcome: [[Outcome::Missing; AXES]; 2],
-            nis: T::zero(),
-            decrease: [T::zero(); N],
-            p_before: self.covariance.diagonal(),
-            p_after: [T::zero(); N],
-            h: SMatrix::zeros(),
-            r: [T::one(); N],
-        };
+        report.nu = const { [[T::ZERO; AXES]; 2] };
+        report.s = const { [[T::ZERO; AXES]; 2] };
+        report.outcome = [[Outcome::Missing; AXES]; 2];
+        report.nis = T::zero();
+        report.decrease = const { [T::ZERO; N] };
+        report.h.fill(T::zero());
+        report.r = [T::one(); N];
         let mut failed = self.failed;
-        let mut covariance = self.covariance;
-        let mut dx = [T::zero(); N];
-        let channels = report
-            .nu
-            .iter_mut()
-            .zip(&mut report.s)
-            .zip(&mut report.outcome);
-        for (kind, ((reading, failed), ((nu, s), outcome))) in
-            readings.iter().zip(&mut failed).zip(channels).enumerate()
-        {
+        let mut work = Work {
+            covariance: self.covariance,
+            dx: const { [T::ZERO; N] },
+        };
+        for (kind, (reading, failed)) in readings.iter().zip(&mut failed).enumerate() {
             let Some(reading) = reading else { continue };
-            self.gate(reading, kind * AXES, nu, s, outcome, failed);
-            let used = outcome.map(Outcome::used);
-            let white = reading.whiten(&used)?;
-            for (axis, _) in used.iter().enumerate().filter(|(_, used)| **used) {
-                // the row over the unit of its own state, which then has exactly −1
-                let row = kind * AXES + axis;
-                let unit = at(&self.unit, row);
-                let mut h = SMatrix::<T, 1, N>::zeros();
-                let mut e = T::zero();
-                let mut alone = true;
-                for (k, nu) in nu.iter().enumerate() {
-                    let state = kind * AXES + k;
-                    let w = white.w.get((axis, k)).copied().unwrap_or_else(T::zero);
-                    if w != T::zero() {
-                        let w = w / unit;
-                        let slope = -w * at(&self.unit, state);
-                        e += w * *nu - slope * at(&dx, state);
-                        if let Some(h) = h.get_mut(state) {
-                            *h = if k == axis { -T::one() } else { slope };
-                        }
-                        alone &= k == axis;
-                    }
-                }
-                let r = at(&white.r, axis) / unit / unit;
-                let done = covariance.update::<1>(&Rows {
-                    nu: [e],
-                    h: if alone {
-                        Observation::Direct { first: row }
-                    } else {
-                        Observation::Dense(h)
-                    },
-                    r: [r],
-                    gate: None,
-                })?;
-                report.nis += done.nis;
-                for (sum, d) in dx.iter_mut().zip(done.dx) {
-                    *sum += d;
-                }
-                for (sum, d) in report.decrease.iter_mut().zip(done.decrease) {
-                    *sum += d;
-                }
-                for (j, h) in h.iter().enumerate() {
-                    set(&mut report.h, row, j, *h);
-                }
-                if let Some(e) = report.r.get_mut(row) {
-                    *e = r;
-                }
+            self.gate(reading, kind, report, failed);
+            match &reading.noise {
+                Noise::Independent(r) => self.direct(kind, r, &mut work, report)?,
+                Noise::Correlated(_) => self.correlated(kind, reading, &mut work, report)?,
             }
         }
-        report.p_after = covariance.diagonal();
-        let mut x = self.x;
-        for ((x, d), unit) in x.iter_mut().zip(dx).zip(&self.unit) {
-            *x = two_add(x.0, x.1, -d * *unit); // δx is estimate minus truth
+        report.p_before = self.covariance.diagonal();
+        report.p_after = work.covariance.diagonal();
+        for ((x, d), unit) in self.x.iter().zip(&work.dx).zip(&self.unit) {
+            if !(x.0 - *d * *unit).finite() {
+                return Err(Error::OutOfRange);
+            }
         }
-        if x.iter().any(|x| !x.0.finite()) {
-            return Err(Error::OutOfRange);
+        for ((x, d), unit) in self.x.iter_mut().zip(&work.dx).zip(&self.unit) {
+            *x = two_add(x.0, x.1, -*d * *unit); // δx is estimate minus truth
         }
-        (self.x, self.covariance, self.failed) = (x, covariance, failed);
-        Ok(report)
+        (self.covariance, self.failed) = (work.covariance, failed);
+        Ok(())
+    }
+
+    /// The used channels of a reading whose axes have nothing to do with each other.
+    fn direct(
+        &self,
+        kind: usize,
+        r: &[T; AXES],
+        work: &mut Work<T, N, L>,
+        report: &mut Report<T, AXES, N>,
+    ) -> Result<(), Error> {
+        for (axis, r) in r.iter().enumerate() {
+            let Some(nu) = report.innovation(kind, axis) else {
+                continue;
+            };
+            let row = kind * AXES + axis;
+            let unit = at(&self.unit, row);
+            // the row over the unit of its own state, which then has exactly −1
+            let e = nu / unit + at(&work.dx, row);
+            let r = *r / unit / unit;
+            set(&mut report.h, row, row, -T::one());
+            if let Some(e) = report.r.get_mut(row) {
+                *e = r;
+            }
+            let mut sums = Sums {
+                dx: &mut work.dx,
+                decrease: &mut report.decrease,
+                nis: &mut report.nis,
+            };
+            if !work.covariance.update_state(row, e, r, &mut sums) {
+                work.carefully(e, Pattern::Direct { first: row }, r, report)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The used channels of one that was made by geometry.
+    #[cold]
+    #[inline(never)]
+    fn correlated(
+        &self,
+        kind: usize,
+        reading: &Reading<T, AXES>,
+        work: &mut Work<T, N, L>,
+        report: &mut Report<T, AXES, N>,
+    ) -> Result<(), Error> {
+        let mut used = [false; AXES];
+        for (axis, used) in used.iter_mut().enumerate() {
+            *used = report.innovation(kind, axis).is_some();
+        }
+        let white = reading.whiten(&used)?;
+        for axis in 0..AXES {
+            if report.innovation(kind, axis).is_none() {
+                continue;
+            }
+            let row = kind * AXES + axis;
+            let unit = at(&self.unit, row);
+            let mut h = SMatrix::<T, 1, N>::zeros();
+            let mut e = T::zero();
+            for k in 0..AXES {
+                let state = kind * AXES + k;
+                let w = white.w.get((axis, k)).copied().unwrap_or_else(T::zero);
+                if w != T::zero() {
+                    let w = w / unit;
+                    let slope = if k == axis {
+                        -T::one()
+                    } else {
+                        -w * at(&self.unit, state)
+                    };
+                    let nu = report.innovation(kind, k).unwrap_or_else(T::zero);
+                    e += w * nu - slope * at(&work.dx, state);
+                    if let Some(h) = h.get_mut(state) {
+                        *h = slope;
+                    }
+                    set(&mut report.h, row, state, slope);
+                }
+            }
+            let r = at(&white.r, axis) / unit / unit;
+            if let Some(e) = report.r.get_mut(row) {
+                *e = r;
+            }
+            let unit = &[T::one(); N];
+            work.carefully(e, Pattern::Dense { h: &h, unit }, r, report)?;
+        }
+        Ok(())
     }
 
     /// Innovations of one reading, their variances, and what is to become of each.
     fn gate(
         &self,
         reading: &Reading<T, AXES>,
-        first: usize,
-        nu: &mut [T; AXES],
-        s: &mut [T; AXES],
-        outcome: &mut [Outcome; AXES],
+        kind: usize,
+        report: &mut Report<T, AXES, N>,
         failed: &mut [u8; AXES],
     ) {
+        let of_kind = report.nu.iter_mut().zip(&mut report.s);
+        let Some(((nu, s), outcome)) = of_kind.zip(&mut report.outcome).nth(kind) else {
+            return;
+        };
+        let first = kind * AXES;
         let measured = reading.z.iter().zip(&reading.valid);
         let results = nu.iter_mut().zip(s).zip(outcome).zip(failed);
         let own = self.x.iter().zip(&self.unit).skip(first);
@@ -450,6 +533,53 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
             }
         }
         rates
+    }
+}
+
+/// What a fix is worked on with: all or nothing of it becomes the tracker's.
+struct Work<T, const N: usize, const L: usize> {
+    covariance: Covariance<T, N, L>,
+    dx: [T; N],
+}
+
+impl<T: Real, const N: usize, const L: usize> Work<T, N, L> {
+    /// One row in double words. What the report says last has room for what is not needed.
+    #[cold]
+    #[inline(never)]
+    fn carefully<const AXES: usize>(
+        &mut self,
+        nu: T,
+        h: Pattern<'_, T, 1, N>,
+        r: T,
+        report: &mut Report<T, AXES, N>,
+    ) -> Result<(), Error> {
+        let zero = T::zero();
+        let (mut dx, mut decrease, mut nis) = ([zero; N], [zero; N], zero);
+        let mut slots = Slots {
+            s: &mut [zero],
+            nis: &mut nis,
+            row_nis: &mut [zero],
+            accepted: &mut [false],
+            dx: &mut dx,
+            decrease: &mut decrease,
+            p_before: &mut report.p_before,
+            p_after: &mut report.p_after,
+        };
+        let lines = Lines {
+            nu: &[nu],
+            r: &[r],
+            gate: None,
+        };
+        self.covariance
+            .update_carefully_by(&lines, h, 0, &mut slots, &mut |_| Ok(()))?;
+        report.nis += nis;
+        for (sum, d) in self.dx.iter_mut().zip(dx) {
+            *sum += d;
+        }
+        for (sum, d) in report.decrease.iter_mut().zip(decrease) {
+            *sum += d;
+        }
+        Ok(())
     }
 }
 
