@@ -91,7 +91,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         Ok(())
     }
 
-    /// Forms row m given the rows before it, gates it and takes its share of δx.
+    /// Forms row m given the rows before it, gates it and takes its share of δx. For itself, as the other two: nothing of
+    /// it lies below the correction of the nominal state.
+    #[inline(never)]
     fn row(
         &self,
         m: usize,
@@ -99,8 +101,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         out: &mut Outcome<'_, T, N>,
         panel: &mut Panel<'_, T, N>,
     ) -> Result<(), Error> {
-        let mut h = [T::zero(); N];
-        let (nu, r) = lines.row(m, &mut h);
+        // rooms, until there is something to say
+        let (h, none) = (&mut *out.p_after, &mut *out.p_before);
+        (*h, *none) = const { ([T::ZERO; N], [T::ZERO; N]) };
+        let (nu, r) = lines.row(m, h);
         let (earlier, rest) = panel.c.split_at_mut_checked(m).unwrap_or_default();
         let (Some(c), Some(inverse)) = (rest.first_mut(), panel.inverse.get_mut(..=m)) else {
             return Ok(());
@@ -108,17 +112,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
 
         // the row by itself
         *c = [Pair::zero(); N];
-        self.add_product(c, &h, &[T::zero(); N]);
-        let alone = inner(&h, c, 0).hi + r;
+        self.add_product(c, h, none);
+        let alone = inner(h, c, 0).hi + r;
         // given the rows before it
         *c = [Pair::zero(); N];
-        self.add_product(c, &h, &panel.fresh);
+        self.add_product(c, h, &panel.fresh);
         for (c_k, inverse) in earlier.iter().zip(inverse.iter()) {
             // what row k took from a pair of states, and from a pair of which one is held
-            let l = inner(&h, c_k, 0).mul(*inverse);
+            let l = inner(h, c_k, 0).mul(*inverse);
             let l_held = match lines.considered {
                 0 => l,
-                considered => inner(&h, c_k, considered).mul(*inverse),
+                considered => inner(h, c_k, considered).mul(*inverse),
             };
             for (i, (c, c_k)) in looped_mut(c).iter_mut().zip(c_k).enumerate() {
                 rolled();
@@ -126,13 +130,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 *c = c.less_product(*c_k, if held { l_held } else { l });
             }
         }
-        let s = inner(&h, c, 0).add(Pair::of(r));
+        let s = inner(h, c, 0).add(Pair::of(r));
         if !(s.hi > T::zero() && s.hi.finite() && alone.finite()) {
             return Err(Error::InnovationVariance { row: m as u8 });
         }
         let one_over_s = s.reciprocal();
         let mut e = nu;
-        for (h, x) in looped(&h).iter().zip(out.dx.iter()) {
+        for (h, x) in looped(h).iter().zip(out.dx.iter()) {
             rolled();
             e -= *h * *x;
         }
@@ -163,7 +167,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             }
         }
         if r + r < s.hi && lines.considered == 0 {
-            replace(&h, r, earlier, c, &mut panel.fresh);
+            replace(h, r, earlier, c, &mut panel.fresh);
         }
         Ok(())
     }
@@ -202,6 +206,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     }
 
     /// Every variance after the update, all of which must be finite and positive; a state known exactly stays so.
+    #[inline(never)]
     fn check_variances(
         &self,
         lines: &Lines<'_, T, N>,
@@ -235,6 +240,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     }
 
     /// P ← P − Σ c cᵀ/s, but for pairs of considered states.
+    #[inline(never)]
     fn commit(&mut self, considered: u32, panel: &mut Panel<'_, T, N>) {
         let mut k = 0;
         for (j, fresh_j) in looped(&panel.fresh).iter().enumerate() {
