@@ -3,12 +3,11 @@
 use nalgebra::Vector3;
 
 use navsight::attitude::Euler;
-use navsight::error::Error;
 use navsight::filter::{Aided, Filter, Gate, LateFilter, Source, UpdateReport};
 use navsight::imu::ImuIncrement;
 use navsight::measurement::{
-    Antenna, Barometer, Boresight, Course, Heading, Linearized, NonHolonomic, Odometer,
-    PositionVelocity, ZeroRotation,
+    Antenna, Barometer, Boresight, Course, Heading, Linearized, MeasurementRows, NonHolonomic,
+    Odometer, PositionVelocity, ZeroRotation,
 };
 use navsight::nav::NavState;
 use navsight::observability::diagonal::Xi;
@@ -29,7 +28,7 @@ pub fn run(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::
 }
 
 /// One measurement, from its own numbers to ξ: a row of the table.
-fn aid<T: Copy, L, const M: usize>(
+fn aid<T: Copy, L, H: MeasurementRows<M>, const M: usize>(
     table: &mut Table,
     work: &str,
     filter: &Filter,
@@ -37,7 +36,7 @@ fn aid<T: Copy, L, const M: usize>(
     linearize: L,
 ) -> core::fmt::Result
 where
-    L: Fn(&T, &NavState) -> Result<Linearized<M>, Error> + Copy,
+    L: Fn(&T, &NavState) -> Result<Linearized<M, H>, Error> + Copy,
 {
     let measurement = linearize(&model, filter.nav()).map_err(refused)?;
     let filter = settled(filter, &measurement)?;

@@ -469,7 +469,7 @@ fn measurements(nav: &NavState) -> Result<(), Error> {
     keep((velocity.interval(), velocity.linearize(nav)));
     let standing = ZeroVelocity::new(x, x)?;
     keep(standing.interval());
-    keep(standing.linearize(nav).h.dense());
+    keep(standing.linearize(nav).dense());
     Ok(())
 }
 
@@ -496,10 +496,7 @@ fn aids(nav: &NavState) -> Result<(), Error> {
     keep((velocity.accuracy(), velocity.linearize_horizontal(nav)));
     let fix = PositionVelocity::new(any(position), any(velocity), antenna);
     keep((fix.position(), fix.velocity(), fix.interval()));
-    keep((fix.linearize(nav), fix.linearize(nav).h.dense()));
-    if let Jacobian::Antenna(rows) = fix.linearize(nav).h {
-        keep(any(rows).dense::<6>());
-    }
+    keep((fix.linearize(nav), fix.linearize(nav).dense()));
     let barometer = Barometer::calibrate(x, any(x), any(0.5))?;
     keep((barometer.height(any(x)), barometer.measure(any(x), x, x)));
     let boresight = Boresight::new(any(nav.euler()))?;
@@ -574,6 +571,18 @@ fn late(filter: &Filter) {
     keep((source.refused_in_a_row(), source.resets()));
     keep(any(States::HEIGHT).has(any(1)));
     with_rows!(late_rows, <>, &mut filter, &mut source);
+    if let Ok(fix) = fix() {
+        // the rows of an antenna have a kernel of their own
+        keep(filter.update(&mut source, any(0.5), |nav| fix.linearize(nav)));
+    }
+}
+
+fn fix() -> Result<PositionVelocity, Error> {
+    let place = any(Geodetic::from_degrees(1.0, 1.0, 1.0));
+    let position = Position::new(place, matrix(), number())?;
+    let velocity = Velocity::new(matrix::<f32, 3, 1>(), matrix(), number())?;
+    let antenna = Antenna::new(matrix::<f32, 3, 1>())?;
+    Ok(PositionVelocity::new(position, velocity, antenna))
 }
 
 fn late_rows<const M: usize>(filter: &mut LateFilter<16>, source: &mut Source) {

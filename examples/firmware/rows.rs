@@ -12,7 +12,8 @@ use navsight::error_model::{block_rates, BiasModel, NoiseDensity};
 use navsight::filter::{Filter, Prior, Settings, UpdateReport};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::measurement::{
-    Antenna, Height, Linearized, Position, PositionVelocity, Velocity, ZeroVelocity,
+    Antenna, Height, Linearized, MeasurementRows, Position, PositionVelocity, Velocity,
+    ZeroVelocity,
 };
 use navsight::nav::NavState;
 use navsight::observability::diagonal::{xi1_riccati_blocks, Xi};
@@ -184,9 +185,9 @@ fn fresh() -> Result<Filter, core::fmt::Error> {
 
 /// The filter after ten of these updates, all rows of which it used: a gated row would be cheaper, and a variance that
 /// collapses dearer.
-pub fn settled<const M: usize>(
+pub fn settled<const M: usize, H: MeasurementRows<M>>(
     filter: &Filter,
-    measurement: &Linearized<M>,
+    measurement: &Linearized<M, H>,
 ) -> Result<Filter, core::fmt::Error> {
     let mut filter = filter.clone();
     for _ in 0..10 {
@@ -293,12 +294,10 @@ pub fn fix(nav: &NavState) -> Result<PositionVelocity, Error> {
 }
 
 /// Three rows that measure everything a little.
-fn dense() -> Linearized<3> {
+fn dense() -> Linearized<3, SMatrix<f32, 3, 15>> {
     Linearized {
         nu: Vector3::new(1e-3, -2e-3, 1e-3),
-        h: navsight::measurement::Jacobian::Dense(SMatrix::from_fn(|i, j| {
-            0.1 + (i as f32) * 0.3 - (j as f32) * 0.01
-        })),
+        h: SMatrix::from_fn(|i, j| 0.1 + (i as f32) * 0.3 - (j as f32) * 0.01),
         r: Vector3::repeat(1e-4),
         interval: 0.1,
     }

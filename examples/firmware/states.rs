@@ -12,10 +12,10 @@ use navsight::alignment::standing::StandingAlignment;
 use navsight::alignment::stationary::StationaryDetector;
 use navsight::alignment::supervisor::Supervisor;
 use navsight::covariance::Covariance15;
-use navsight::error_model::N;
+use navsight::error_model::{N, VEL};
 use navsight::filter::{Filter, LateFilter, Settings, Source, UpdateReport};
 use navsight::imu::{ConingSculling, ImuIncrement};
-use navsight::measurement::Linearized;
+use navsight::measurement::{AntennaRows, Direct, Linearized};
 use navsight::mechanization::Strapdown;
 use navsight::nav::NavState;
 use navsight::observability::ceiling::{Gramian, Unseen};
@@ -51,7 +51,8 @@ pub fn list(table: &mut Table) -> core::fmt::Result {
         ImuIncrement,
         Linearized<1>,
         Linearized<3>,
-        Linearized<6>,
+        Linearized<3, Direct<VEL>>,
+        Linearized<6, AntennaRows>,
         UpdateReport<1>,
         UpdateReport<3>,
         UpdateReport<6>,

@@ -9,8 +9,8 @@ use navsight::error::Error;
 use navsight::error_model::N;
 use navsight::imu::ImuIncrement;
 use navsight::measurement::{
-    Accuracy, Antenna, Boresight, Course, Linearized, NonHolonomic, Odometer, Position,
-    PositionVelocity, Velocity,
+    Accuracy, Antenna, Boresight, Course, Linearized, MeasurementRows, NonHolonomic, Odometer,
+    Position, PositionVelocity, Velocity,
 };
 use navsight::nav::NavState;
 
@@ -37,12 +37,12 @@ fn turning() -> NavState {
 const STEPS: [f32; 5] = [16.0, 0.5, 1.0 / 256.0, 1.0 / 64.0, 1.0 / 64.0];
 
 /// Central differences against the rows.
-fn rows_are_the_derivative<const M: usize>(
-    linearize: impl Fn(&NavState) -> Linearized<M>,
+fn rows_are_the_derivative<const M: usize, H: MeasurementRows<M>>(
+    linearize: impl Fn(&NavState) -> Linearized<M, H>,
     tolerance: [f64; 5],
 ) {
     let nav = turning();
-    let h = linearize(&nav).h.dense();
+    let h = linearize(&nav).dense();
     for j in 0..N {
         let step = STEPS[j / 3];
         let at = |s: f32| linearize(&nav.corrected(&SVector::ith(j, s))).nu;
@@ -111,9 +111,9 @@ fn both_of_one_epoch() {
     let (r, v) = (position().linearize(&nav), velocity().linearize(&nav));
     assert_eq!(both.nu.fixed_rows::<3>(0).into_owned(), r.nu);
     assert_eq!(both.nu.fixed_rows::<3>(3).into_owned(), v.nu);
-    let h = both.h.dense();
-    assert_eq!(h.fixed_view::<3, N>(0, 0).into_owned(), r.h.dense());
-    assert_eq!(h.fixed_view::<3, N>(3, 0).into_owned(), v.h.dense());
+    let h = both.dense();
+    assert_eq!(h.fixed_view::<3, N>(0, 0).into_owned(), r.dense());
+    assert_eq!(h.fixed_view::<3, N>(3, 0).into_owned(), v.dense());
 }
 
 /// Direction of the forward axis: tilted by the boresight as well.
@@ -247,7 +247,7 @@ fn decorrelated_rows_carry_the_same_information() {
     let r = Matrix3::new(4.0, -1.0, 0.5, -1.0, 9.0, 2.0, 0.5, 2.0, 25.0);
     let inverse = r.try_inverse().unwrap();
     let rows = position().linearize(&nav);
-    let (h, g) = (plain.h.dense(), rows.h.dense());
+    let (h, g) = (plain.dense(), rows.dense());
     let d = Matrix3::from_diagonal(&rows.r.map(|x| 1.0 / x));
     let information: SMatrix<f32, N, N> = h.transpose() * inverse * h - g.transpose() * d * g;
     // elements up to 3: f32

@@ -9,8 +9,8 @@ use navsight::earth::Geodetic;
 use navsight::error::Error;
 use navsight::error_model::{N, POS, VEL};
 use navsight::measurement::{
-    Heading, Height, Jacobian, Linearized, Position, Velocity, ZeroRotation, ZeroVelocity,
-    MAX_SIGMA, MIN_SIGMA,
+    Heading, Height, Jacobian, Linearized, MeasurementRows, Position, Velocity, ZeroRotation,
+    ZeroVelocity, MAX_SIGMA, MIN_SIGMA,
 };
 use navsight::nav::NavState;
 
@@ -39,13 +39,13 @@ fn tilted_and_moving() -> NavState {
 /// m/s².
 const STEPS: [f32; 5] = [16.0, 0.5, 1.0 / 64.0, 1.0 / 64.0, 1.0 / 64.0];
 
-fn worst_column_error<const M: usize>(
-    linearize: impl Fn(&NavState) -> Linearized<M>,
+fn worst_column_error<const M: usize, H: MeasurementRows<M>>(
+    linearize: impl Fn(&NavState) -> Linearized<M, H>,
     tolerance: [f64; 5],
 ) {
     let nav = tilted_and_moving();
     let here = linearize(&nav);
-    let h = here.h.dense();
+    let h = here.dense();
     for j in 0..N {
         let step = STEPS[j / 3];
         let moved = linearize(&nav.corrected(&SVector::ith(j, step)));
@@ -110,13 +110,13 @@ fn height_row_is_the_derivative() {
 }
 
 /// Central differences, for rows that are not linear: their error is of third order in the step.
-fn worst_central_error<const M: usize>(
-    linearize: impl Fn(&NavState) -> Linearized<M>,
+fn worst_central_error<const M: usize, H: MeasurementRows<M>>(
+    linearize: impl Fn(&NavState) -> Linearized<M, H>,
     steps: [f32; 5],
     tolerance: [f64; 5],
 ) {
     let nav = tilted_and_moving();
-    let h = linearize(&nav).h.dense();
+    let h = linearize(&nav).dense();
     for j in 0..N {
         let step = steps[j / 3];
         let at = |step| linearize(&nav.corrected(&SVector::ith(j, step))).nu;
@@ -203,7 +203,7 @@ fn zero_rotation_rows_are_the_derivative() {
         ],
     );
     // What is there at all stands well above that tolerance: the earth rate itself.
-    let h = model.linearize(&nav).h.dense();
+    let h = model.linearize(&nav).dense();
     assert!(f64::from(h.column(6).norm()) > 0.9 * rate);
 }
 
@@ -302,11 +302,17 @@ fn direct_rows_written_out() {
     for row in 0..3 {
         expected[(row, VEL + row)] = -1.0;
     }
-    assert_eq!(Jacobian::<3>::Direct { first: VEL }.dense(), expected);
-    assert_eq!(Jacobian::<3>::Dense(expected * 2.0).dense(), expected * 2.0);
+    assert_eq!(
+        Jacobian::<3>::Direct { first: VEL }.kind().dense(),
+        expected
+    );
+    assert_eq!(
+        Jacobian::<3>::Dense(expected * 2.0).kind().dense(),
+        expected * 2.0
+    );
     // beyond the states: nothing to see, and no panic; the filter refuses it
     assert_eq!(
-        Jacobian::<1>::Direct { first: usize::MAX }.dense(),
+        Jacobian::<1>::Direct { first: usize::MAX }.kind().dense(),
         SMatrix::<f32, 1, N>::zeros()
     );
 }

@@ -20,7 +20,7 @@
 use crate::error::Error;
 use crate::error_model::N;
 use crate::filter::{Filter, UpdateReport};
-use crate::measurement::Linearized;
+use crate::measurement::{Linearized, MeasurementRows};
 use nalgebra::SVector;
 
 /// When a state is held and when it is free.
@@ -99,10 +99,10 @@ impl Gate {
     ///
     /// # Errors
     /// Those of [`Filter::update`].
-    pub fn update<const M: usize>(
+    pub fn update<const M: usize, H: MeasurementRows<M>>(
         &mut self,
         filter: &mut Filter,
-        measurement: &Linearized<M>,
+        measurement: &Linearized<M, H>,
     ) -> Result<UpdateReport<M>, Error> {
         let mut report = UpdateReport::empty();
         self.update_into(filter, measurement, &mut report)?;
@@ -113,10 +113,10 @@ impl Gate {
     ///
     /// # Errors
     /// Those of [`Filter::update`].
-    pub fn update_into<const M: usize>(
+    pub fn update_into<const M: usize, H: MeasurementRows<M>>(
         &mut self,
         filter: &mut Filter,
-        measurement: &Linearized<M>,
+        measurement: &Linearized<M, H>,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         filter.synchronize();
@@ -176,10 +176,13 @@ impl Gate {
 
 /// What each state would learn from the rows: Σ c²/(s p), at most 1.
 #[inline(never)] // so that its rows are off the stack when the update begins
-fn offers<const M: usize>(filter: &Filter, measurement: &Linearized<M>) -> [f32; N] {
+fn offers<const M: usize, H: MeasurementRows<M>>(
+    filter: &Filter,
+    measurement: &Linearized<M, H>,
+) -> [f32; N] {
     let (p, sigma0) = (filter.covariance(), filter.sigma0());
     let mut offers = [0.0; N];
-    let dense = measurement.h.dense();
+    let dense = measurement.dense();
     for (row, r) in dense.row_iter().zip(measurement.r.iter()) {
         let mut c = SVector::<f32, N>::zeros();
         let mut s = *r;

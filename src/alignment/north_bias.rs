@@ -19,7 +19,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use crate::error::Error;
 use crate::error_model::{BG, N};
 use crate::filter::Filter;
-use crate::measurement::{variance, Jacobian, Linearized};
+use crate::measurement::{variance, Linearized};
 use crate::nav::NavState;
 
 /// The north gyro bias as one position has found it.
@@ -52,14 +52,14 @@ impl NorthBias {
     ///
     /// # Errors
     /// Those of [`variance`], for a filter whose covariance is broken.
-    pub fn linearize(&self, nav: &NavState) -> Result<Linearized<1>, Error> {
+    pub fn linearize(&self, nav: &NavState) -> Result<Linearized<1, SMatrix<f32, 1, N>>, Error> {
         let r = variance(libm::sqrtf(self.variance))?;
         let mut h = SMatrix::<f32, 1, N>::zeros();
         h.fixed_view_mut::<1, 3>(0, BG)
             .copy_from(&self.h.transpose());
         Ok(Linearized {
             nu: SVector::from([self.value - self.h.dot(&nav.b_g())]),
-            h: Jacobian::Dense(h),
+            h,
             r: SVector::from([r]),
             interval: 0.0, // once
         })

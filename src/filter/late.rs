@@ -27,7 +27,7 @@ use crate::error::Error;
 use crate::error_model::{NoiseDensity, N};
 use crate::imu::ImuIncrement;
 use crate::linalg::each_state;
-use crate::measurement::{Jacobian, Linearized};
+use crate::measurement::{Jacobian, Linearized, MeasurementRows};
 use crate::nav::NavState;
 
 /// Longest spacing of the history [s].
@@ -109,11 +109,11 @@ impl<const K: usize> LateFilter<K> {
     /// [`Error::Late`] when the time is further back than the history reaches, [`Error::Time`] when it is to come, and
     /// those of [`Filter::update`]. The record of the source is then as it was.
     #[inline(always)]
-    pub fn update<const M: usize>(
+    pub fn update<const M: usize, H: MeasurementRows<M>>(
         &mut self,
         source: &mut Source,
         time: f64,
-        linearize: impl FnOnce(&NavState) -> Linearized<M>,
+        linearize: impl FnOnce(&NavState) -> Linearized<M, H>,
     ) -> Result<Aided<M>, Error> {
         let mut aided = Aided::empty();
         self.update_into(source, time, linearize, &mut aided)?;
@@ -125,11 +125,11 @@ impl<const K: usize> LateFilter<K> {
     ///
     /// # Errors
     /// Those of [`LateFilter::update`].
-    pub fn update_into<const M: usize>(
+    pub fn update_into<const M: usize, H: MeasurementRows<M>>(
         &mut self,
         source: &mut Source,
         time: f64,
-        linearize: impl FnOnce(&NavState) -> Linearized<M>,
+        linearize: impl FnOnce(&NavState) -> Linearized<M, H>,
         aided: &mut Aided<M>,
     ) -> Result<(), Error> {
         let now = self.filter.time();
@@ -161,11 +161,11 @@ impl<const K: usize> LateFilter<K> {
 
     /// The measurement as rows on the present; q: the noise since then in each.
     #[inline(never)]
-    fn linearize<const M: usize>(
+    fn linearize<const M: usize, H: MeasurementRows<M>>(
         &self,
         now: f64,
         time: f64,
-        linearize: impl FnOnce(&NavState) -> Linearized<M>,
+        linearize: impl FnOnce(&NavState) -> Linearized<M, H>,
         measurement: &mut Linearized<M>,
         q: &mut [f32; M],
     ) -> Result<(), Error> {
@@ -233,7 +233,7 @@ impl<const K: usize> LateFilter<K> {
         // The innovation has been moved by the rows that were used.
         let mut dx = report.correction;
         in_units(&mut dx, self.filter.sigma0());
-        let moved = measurement.h.dense() * SVector::from(dx);
+        let moved = measurement.dense() * SVector::from(dx);
         measurement.nu -= moved;
         Ok(())
     }
@@ -261,12 +261,16 @@ impl<const K: usize> LateFilter<K> {
 
 /// For itself, so that nothing but the measurement lies below it.
 #[inline(never)]
-fn linearized<const M: usize>(
-    linearize: impl FnOnce(&NavState) -> Linearized<M>,
+fn linearized<const M: usize, H: MeasurementRows<M>>(
+    linearize: impl FnOnce(&NavState) -> Linearized<M, H>,
     nav: &NavState,
     measurement: &mut Linearized<M>,
 ) {
-    *measurement = linearize(nav);
+    let given = linearize(nav);
+    measurement.nu = given.nu;
+    measurement.h = given.h.kind().into();
+    measurement.r = given.r;
+    measurement.interval = given.interval;
 }
 
 /// Room for any rows, zeros. As [`write_out`] for itself: its stack does not lie below what follows.
@@ -279,7 +283,7 @@ fn clear<const M: usize>(rows: &mut Jacobian<M>) {
 #[inline(never)]
 fn write_out<const M: usize>(rows: &mut Jacobian<M>) {
     if !matches!(rows, Jacobian::Dense(_)) {
-        *rows = Jacobian::Dense(rows.dense());
+        *rows = Jacobian::Dense(rows.kind().dense());
     }
 }
 

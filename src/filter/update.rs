@@ -7,16 +7,14 @@ use crate::covariance::{each_row, Covariance15, Lines, Pattern, Slots};
 use crate::error::Error;
 use crate::error_model::{N, POS, VEL};
 use crate::linalg::Real;
-use crate::measurement::{AntennaRows, Jacobian, Linearized};
+use crate::measurement::{AntennaRows, Kind, Linearized, MeasurementRows, UP};
+use nalgebra::SMatrix;
 
 /// Largest |ν| [unit of z] and |h| that a measurement may hold: far beyond any sensor, and small enough for the squares
 /// and products of the update to stay inside f32.
 pub(super) const MAX_MAGNITUDE: f32 = 1e9;
 /// Largest noise variance that a measurement may hold: a standard deviation of the same size.
 const MAX_VARIANCE: f32 = MAX_MAGNITUDE * MAX_MAGNITUDE;
-
-/// The state that a height measures.
-const HEIGHT: usize = POS + 2;
 
 impl Filter {
     /// Uses one measurement of M rows: gates it, corrects the nominal state, and reports what happened.
@@ -28,13 +26,18 @@ impl Filter {
     /// [`Error::InnovationVariance`] and [`Error::Variance`] when the covariance itself is broken, which a reset must
     /// answer: estimate and covariance are then those of the present, without this measurement.
     #[inline(always)]
-    pub fn update<const M: usize>(
+    pub fn update<const M: usize, H: MeasurementRows<M>>(
         &mut self,
-        measurement: &Linearized<M>,
+        measurement: &Linearized<M, H>,
     ) -> Result<UpdateReport<M>, Error> {
-        let mut report = UpdateReport::empty();
-        self.update_into(measurement, &mut report)?;
-        Ok(report)
+        let mut outcome = Ok(UpdateReport::empty());
+        if let Ok(report) = &mut outcome {
+            // where it is returned: moved there afterwards, it would take its room twice
+            if let Err(error) = self.update_into(measurement, report) {
+                outcome = Err(error);
+            }
+        }
+        outcome
     }
 
     /// As [`Filter::update`], with the report written where the caller has room for it: a copy and its stack less. After
@@ -42,9 +45,9 @@ impl Filter {
     ///
     /// Errors: those of [`Filter::update`].
     #[inline(always)]
-    pub fn update_into<const M: usize>(
+    pub fn update_into<const M: usize, H: MeasurementRows<M>>(
         &mut self,
-        measurement: &Linearized<M>,
+        measurement: &Linearized<M, H>,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         self.update_gated(measurement, self.settings.gate, report)
@@ -52,12 +55,12 @@ impl Filter {
 
     /// As [`Filter::update_into`] with this gate.
     ///
-    /// The kind of the rows is looked at where the measurement was linearised: of a program that only has velocities
-    /// nothing else is linked.
+    /// The kind of the rows is known from their type, but for [`crate::measurement::Jacobian`]: of a program that only has
+    /// velocities nothing else is linked.
     #[inline(always)]
-    pub(super) fn update_gated<const M: usize>(
+    pub(super) fn update_gated<const M: usize, H: MeasurementRows<M>>(
         &mut self,
-        measurement: &Linearized<M>,
+        measurement: &Linearized<M, H>,
         gate: Option<f32>,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
@@ -67,19 +70,15 @@ impl Filter {
             interval: measurement.interval,
             gate,
         };
-        match &measurement.h {
-            Jacobian::Direct { first: HEIGHT } if M == 1 => {
-                self.update_states::<M, HEIGHT>(&mut given, report)
-            }
-            Jacobian::Direct { first: VEL } if M == 3 => {
+        match measurement.h.kind() {
+            Kind::Direct { first: UP } if M == 1 => self.update_states::<M, UP>(&mut given, report),
+            Kind::Direct { first: VEL } if M == 3 => {
                 self.update_states::<M, VEL>(&mut given, report)
             }
-            Jacobian::Antenna(rows) if M == 6 => self.update_antenna(&mut given, rows, report),
-            Jacobian::Antenna(rows) => {
-                let h = Jacobian::Dense(rows.dense());
-                self.update_any(&mut given, &h, report)
-            }
-            h => self.update_any(&mut given, h, report),
+            Kind::Direct { first } => self.update_direct(&mut given, first, report),
+            Kind::Antenna(rows) if M == 6 => self.update_antenna(&mut given, rows, report),
+            Kind::Antenna(rows) => self.update_dense(&mut given, &rows.elements(), report),
+            Kind::Dense(h) => self.update_dense(&mut given, h, report),
         }
     }
 
@@ -127,36 +126,51 @@ impl Filter {
         )
     }
 
-    /// Rows of any kind.
+    /// Rows that are −1 on the states from `first` on.
     #[inline(never)]
-    fn update_any<const M: usize>(
+    fn update_direct<const M: usize>(
         &mut self,
         given: &mut Given<M>,
-        h: &Jacobian<M>,
+        first: usize,
         report: &mut UpdateReport<M>,
     ) -> Result<(), Error> {
         given.check()?;
-        check_rows(h)?;
+        if first > N || M > N - first {
+            return Err(Error::OutOfRange);
+        }
         let unit = |sigma0: &[f32; N]| {
             let mut unit = [1.0; M];
-            if let Jacobian::Direct { first } = h {
-                for (u, &sigma) in unit.iter_mut().zip(sigma0.iter().skip(*first)) {
-                    *u = sigma;
-                }
+            for (u, &sigma) in unit.iter_mut().zip(sigma0.iter().skip(first)) {
+                *u = sigma;
             }
             unit
         };
         self.update_by(given, report, unit, |p, job, out, accept| {
-            let h = match h {
-                Jacobian::Direct { first } => Pattern::Direct { first: *first },
-                Jacobian::Dense(h) => Pattern::Dense {
-                    h,
-                    unit: job.sigma0,
-                },
-                Jacobian::Antenna(_) => return Err(Error::OutOfRange), // never: made dense by the caller
-            };
+            let h = Pattern::Direct { first };
             p.update_any(&job.lines, h, job.considered, out, accept)
         })
+    }
+
+    /// Rows of any kind.
+    #[inline(never)]
+    fn update_dense<const M: usize>(
+        &mut self,
+        given: &mut Given<M>,
+        h: &SMatrix<f32, M, N>,
+        report: &mut UpdateReport<M>,
+    ) -> Result<(), Error> {
+        given.check()?;
+        check_rows(h)?;
+        self.update_by(
+            given,
+            report,
+            |_| const { [1.0; M] },
+            |p, job, out, accept| {
+                let unit = job.sigma0;
+                let h = Pattern::Dense { h, unit };
+                p.update_any(&job.lines, h, job.considered, out, accept)
+            },
+        )
     }
 
     /// What stands around every kernel: the numbers go to the units of their rows, the covariance comes up to the time of
@@ -223,7 +237,7 @@ fn update_in_full<const M: usize>(
     out: &mut Slots<'_, f32, M, N>,
     accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    let mut h = rows.dense::<M>();
+    let mut h = rows.elements::<M>();
     for (mut row, unit) in h.row_iter_mut().zip(job.sigma0.iter().skip(POS)) {
         row /= *unit;
     }
@@ -293,22 +307,16 @@ fn refused(interval: f32, nu: &[f32], r: &[f32]) -> Error {
         .unwrap_or(Error::OutOfRange)
 }
 
-/// Refuses rows that no measurement can have.
-fn check_rows<const M: usize>(h: &Jacobian<M>) -> Result<(), Error> {
-    match h {
-        Jacobian::Direct { first } if *first > N || M > N - *first => Err(Error::OutOfRange),
-        Jacobian::Direct { .. } | Jacobian::Antenna(_) => Ok(()),
-        Jacobian::Dense(h) => {
-            // at a glance; written as what is good: a NaN fails
-            let columns = h.data.0.as_flattened().iter();
-            let size = columns.fold(0.0, |sum: f32, h| sum + h.abs());
-            if size <= MAX_MAGNITUDE {
-                return Ok(());
-            }
-            h.iter()
-                .try_for_each(|&h| within(h, -MAX_MAGNITUDE, MAX_MAGNITUDE))
-        }
+/// Refuses elements that no measurement can have.
+fn check_rows<const M: usize>(h: &SMatrix<f32, M, N>) -> Result<(), Error> {
+    // at a glance; written as what is good: a NaN fails
+    let columns = h.data.0.as_flattened().iter();
+    let size = columns.fold(0.0, |sum: f32, h| sum + h.abs());
+    if size <= MAX_MAGNITUDE {
+        return Ok(());
     }
+    h.iter()
+        .try_for_each(|&h| within(h, -MAX_MAGNITUDE, MAX_MAGNITUDE))
 }
 
 /// Refuses numbers outside `low` … `high`.

@@ -224,6 +224,52 @@ impl Real for f64 {
     const CUT: Self = 1_125_899_906_842_624.0;
 }
 
+/// C x, spelled out: at opt-level "s" nalgebra's products are loops.
+#[inline(always)]
+pub(crate) fn transformed(c: &Matrix3<f32>, x: &Vector3<f32>) -> Vector3<f32> {
+    Vector3::new(
+        c.m11 * x.x + c.m12 * x.y + c.m13 * x.z,
+        c.m21 * x.x + c.m22 * x.y + c.m23 * x.z,
+        c.m31 * x.x + c.m32 * x.y + c.m33 * x.z,
+    )
+}
+
+/// a × b, likewise. aᵀ[b×] is its transpose.
+#[inline(always)]
+pub(crate) fn cross(a: &Vector3<f32>, b: &Vector3<f32>) -> Vector3<f32> {
+    Vector3::new(
+        a.y * b.z - a.z * b.y,
+        a.z * b.x - a.x * b.z,
+        a.x * b.y - a.y * b.x,
+    )
+}
+
+/// aᵀ b, likewise.
+#[inline(always)]
+pub(crate) fn dot(a: &Vector3<f32>, b: &Vector3<f32>) -> f32 {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
+
+/// Columns of a matrix, likewise.
+#[inline(always)]
+pub(crate) fn columns(c: &Matrix3<f32>) -> [Vector3<f32>; 3] {
+    [
+        Vector3::new(c.m11, c.m21, c.m31),
+        Vector3::new(c.m12, c.m22, c.m32),
+        Vector3::new(c.m13, c.m23, c.m33),
+    ]
+}
+
+/// Rows of a matrix, likewise.
+#[inline(always)]
+pub(crate) fn rows(c: &Matrix3<f32>) -> [Vector3<f32>; 3] {
+    [
+        Vector3::new(c.m11, c.m12, c.m13),
+        Vector3::new(c.m21, c.m22, c.m23),
+        Vector3::new(c.m31, c.m32, c.m33),
+    ]
+}
+
 /// The matrix [v×] with `[v×] w = v × w`.
 #[inline(always)]
 pub fn skew<T: Real>(v: &Vector3<T>) -> Matrix3<T> {

@@ -7,7 +7,7 @@ use crate::attitude::Rfu;
 use crate::covariance::Six;
 use crate::error::Error;
 use crate::error_model::{ATT, BG, N, POS, VEL};
-use crate::linalg::skew;
+use crate::linalg::{cross, rows, skew, transformed};
 use crate::nav::NavState;
 
 /// Longest lever arm that is accepted [m].
@@ -60,18 +60,12 @@ impl Antenna {
 
     /// C l: from the IMU to the antenna, east-north-up [m].
     pub fn offset(&self, c_b_n: &Matrix3<f32>) -> Vector3<f32> {
-        rotated(c_b_n, &self.l)
+        transformed(c_b_n, &self.l)
     }
 
     /// C (ω × l): velocity of the antenna against the IMU, east-north-up [m/s].
     pub fn motion(&self, nav: &NavState, c_b_n: &Matrix3<f32>) -> Vector3<f32> {
-        let (o, l) = (nav.omega_ib_b(), &self.l);
-        let v = Vector3::new(
-            o.y * l.z - o.z * l.y,
-            o.z * l.x - o.x * l.z,
-            o.x * l.y - o.y * l.x,
-        );
-        rotated(c_b_n, &v)
+        transformed(c_b_n, &cross(&nav.omega_ib_b(), &self.l))
     }
 
     /// The rows of position and velocity together. `lower`: of the correlations of each, as [`AntennaRows`] has them.
@@ -112,15 +106,8 @@ impl Antenna {
 
     /// C [l×]
     pub(super) fn turned(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
-        let (c, l) = (c_b_n, &self.l);
-        let row =
-            |x: f32, y: f32, z: f32| [y * l.z - z * l.y, z * l.x - x * l.z, x * l.y - y * l.x];
-        let [e, n, u] = [
-            row(c.m11, c.m12, c.m13),
-            row(c.m21, c.m22, c.m23),
-            row(c.m31, c.m32, c.m33),
-        ];
-        Matrix3::new(e[0], e[1], e[2], n[0], n[1], n[2], u[0], u[1], u[2])
+        let [e, n, u] = rows(c_b_n).map(|row| cross(&row, &self.l));
+        Matrix3::new(e.x, e.y, e.z, n.x, n.y, n.z, u.x, u.y, u.z)
     }
 }
 
@@ -146,7 +133,7 @@ pub struct AntennaRows {
 
 impl AntennaRows {
     /// All elements of the first M rows; further rows, which there are not, are zero.
-    pub fn dense<const M: usize>(&self) -> SMatrix<f32, M, N> {
+    pub(crate) fn elements<const M: usize>(&self) -> SMatrix<f32, M, N> {
         let mut h = SMatrix::<f32, 6, N>::zeros();
         Antenna::position_rows::<6, 0>(&self.offset, &mut h);
         Antenna::velocity_rows::<6, 3>(&self.motion, &self.turned, &mut h);
@@ -206,14 +193,4 @@ impl AntennaRows {
             + three(v[0], v[1], v[2])
             <= limit
     }
-}
-
-/// C x, spelled out for opt-level "s".
-#[inline(always)]
-fn rotated(c: &Matrix3<f32>, x: &Vector3<f32>) -> Vector3<f32> {
-    Vector3::new(
-        c.m11 * x.x + c.m12 * x.y + c.m13 * x.z,
-        c.m21 * x.x + c.m22 * x.y + c.m23 * x.z,
-        c.m31 * x.x + c.m32 * x.y + c.m33 * x.z,
-    )
 }

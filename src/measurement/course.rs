@@ -1,8 +1,11 @@
 //! The direction in which a vehicle moves, taken for the direction in which it points.
 
+use nalgebra::SMatrix;
+
 use super::{variance, Boresight, Heading, Linearized};
 use crate::attitude::Enu;
 use crate::error::Error;
+use crate::error_model::N;
 use crate::nav::NavState;
 
 /// Course over the ground of a vehicle that moves along its own forward axis: z = heading of that axis + noise.
@@ -58,7 +61,7 @@ impl Course {
     }
 
     /// As [`Heading::linearize`] of the vehicle's forward axis.
-    pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
+    pub fn linearize(&self, nav: &NavState) -> Linearized<1, SMatrix<f32, 1, N>> {
         self.heading.linearize(nav)
     }
 }

@@ -1,12 +1,13 @@
 //! A heading from outside: two satellite antennas, a magnetic compass, a value stored when the vehicle was parked.
 
-use nalgebra::{RowVector2, RowVector3, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{check_interval, variance, Jacobian, Linearized};
+use super::rows::set;
+use super::{check_interval, variance, Linearized};
 use crate::attitude::Rfu;
 use crate::error::Error;
 use crate::error_model::{ATT, N, POS};
-use crate::linalg::sin_cos;
+use crate::linalg::{sin_cos, transformed};
 use crate::nav::NavState;
 
 /// Smallest level part of a unit axis that has an azimuth: the sine of 1°.
@@ -85,31 +86,31 @@ impl Heading {
     /// caller's to work out. Second order left out: ν² where the axis is steep, l_U/ρ times the tilt squared.
     ///
     /// Derived here. Against finite differences: `host-tests/tests/measurement.rs`.
-    pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
-        let l = nav.c_b_n() * self.axis_b;
+    pub fn linearize(&self, nav: &NavState) -> Linearized<1, SMatrix<f32, 1, N>> {
+        let l = transformed(&nav.c_b_n(), &self.axis_b);
         let rho2 = l.x * l.x + l.y * l.y;
         let (sin, cos) = self.direction;
-        let mut h = SMatrix::<f32, 1, N>::zeros();
-        let mut nu = f32::NAN;
+        let mut measurement = Linearized {
+            nu: SVector::from([f32::NAN]),
+            h: SMatrix::zeros(),
+            r: SVector::from([self.r]),
+            interval: self.interval,
+        };
         if rho2 > MIN_LEVEL * MIN_LEVEL {
             // The angle between both directions, wrapped and with all its digits.
-            nu = libm::atan2f(sin * l.y - cos * l.x, cos * l.y + sin * l.x);
+            measurement.nu.x = libm::atan2f(sin * l.y - cos * l.x, cos * l.y + sin * l.x);
             let steep = l.z / rho2;
             let (east, north) = (steep * l.x, steep * l.y);
             let local = nav.local();
-            let on_psi = RowVector3::new(east, north, -1.0);
-            let on_r = RowVector2::new(
+            let on_r = Vector3::new(
                 (north - local.tan_lat) * local.inv_r_n,
                 -east * local.inv_r_m,
+                0.0,
             );
-            h.fixed_view_mut::<1, 3>(0, ATT).copy_from(&on_psi);
-            h.fixed_view_mut::<1, 2>(0, POS).copy_from(&on_r);
+            let h = &mut measurement.h;
+            set::<0, POS, 1>(h, &on_r);
+            set::<0, ATT, 1>(h, &Vector3::new(east, north, -1.0));
         }
-        Linearized {
-            nu: SVector::from([nu]),
-            h: Jacobian::Dense(h),
-            r: SVector::from([self.r]),
-            interval: self.interval,
-        }
+        measurement
     }
 }

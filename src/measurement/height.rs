@@ -2,12 +2,15 @@
 
 use nalgebra::SVector;
 
-use super::{check_interval, variance, Jacobian, Linearized};
+use super::{check_interval, variance, Direct, Linearized};
 use crate::earth::{MAX_HEIGHT, MIN_HEIGHT};
 use crate::error::Error;
 use crate::error_model::POS;
 use crate::linalg::Two;
 use crate::nav::NavState;
+
+/// The state that a height measures.
+pub(crate) const UP: usize = POS + 2;
 
 /// Ellipsoidal height: z = h + noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,11 +48,11 @@ impl Height {
 
     /// ν = h_z − ĥ, a row −1 on δr_U.
     #[inline(always)]
-    pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
+    pub fn linearize(&self, nav: &NavState) -> Linearized<1, Direct<UP>> {
         let height = nav.strapdown().height;
         Linearized {
             nu: SVector::from([(self.z.hi - height.hi) + (self.z.lo - height.lo)]),
-            h: Jacobian::Direct { first: POS + 2 }, // δr is estimate minus truth
+            h: Direct, // δr is estimate minus truth
             r: SVector::from([self.r]),
             interval: self.interval,
         }

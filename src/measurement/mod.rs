@@ -29,9 +29,9 @@
 //! 1. One file with a struct (z, the variances of its rows, its interval) and a `new` that checks them with
 //!    [`variance`] and [`check_interval`].
 //! 2. `linearize(&self, &NavState) -> Linearized<M>`: ν = z − h(x̂), the rows ∂ν/∂δx, the variances. With errors that are
-//!    estimate minus truth, a row that measures a state directly is **−1** on it: [`Jacobian::Direct`] when all rows
-//!    are of that kind on neighbouring states, else [`Jacobian::Dense`]. Rows must be uncorrelated; correlated ones are
-//!    multiplied by the inverse Cholesky factor of their R first.
+//!    estimate minus truth, a row that measures a state directly is **−1** on it: [`Direct`] when all rows are of that
+//!    kind on neighbouring states, else a matrix. Rows must be uncorrelated; correlated ones are multiplied by the inverse
+//!    Cholesky factor of their R first.
 //! 3. A line in the table above, and the test of `host-tests/tests/measurement.rs` at a tilted, moving, biased state:
 //!    `(ν(x̂) − ν(x̂ corrected by δx))/|δx|` must be the column of the Jacobian. Identity attitude hides sign errors.
 //!
@@ -39,7 +39,7 @@
 //! use nalgebra::{SMatrix, SVector};
 //! use navsight::error::Error;
 //! use navsight::error_model::{N, VEL};
-//! use navsight::measurement::{check_interval, variance, Jacobian, Linearized};
+//! use navsight::measurement::{check_interval, variance, Linearized};
 //! use navsight::nav::NavState;
 //!
 //! /// Speed along one horizontal direction, as a Doppler sensor on the shore sees it.
@@ -61,14 +61,14 @@
 //!         Ok(Self { z, direction, r: variance(sigma)?, interval: check_interval(interval)? })
 //!     }
 //!
-//!     pub fn linearize(&self, nav: &NavState) -> Linearized<1> {
+//!     pub fn linearize(&self, nav: &NavState) -> Linearized<1, SMatrix<f32, 1, N>> {
 //!         let ((sin, cos), v) = (self.direction, nav.v_n());
 //!         let mut h = SMatrix::<f32, 1, N>::zeros();
 //!         h[(0, VEL)] = -sin;
 //!         h[(0, VEL + 1)] = -cos;
 //!         Linearized {
 //!             nu: SVector::from([self.z - (sin * v.x + cos * v.y)]),
-//!             h: Jacobian::Dense(h),
+//!             h,
 //!             r: SVector::from([self.r]),
 //!             interval: self.interval,
 //!         }
@@ -91,6 +91,7 @@ mod height;
 mod odometer;
 mod position;
 mod position_velocity;
+mod rows;
 mod velocity;
 mod zero_rotation;
 mod zero_velocity;
@@ -102,24 +103,36 @@ pub use boresight::Boresight;
 pub use course::Course;
 pub use heading::Heading;
 pub use height::Height;
+pub(crate) use height::UP;
 pub use odometer::{NonHolonomic, Odometer};
 pub use position::Position;
 pub use position_velocity::PositionVelocity;
+pub use rows::{Direct, Jacobian, Kind, MeasurementRows};
 pub use velocity::Velocity;
 pub use zero_rotation::ZeroRotation;
 pub use zero_velocity::ZeroVelocity;
 
 /// One measurement, linearised at the current estimate: M uncorrelated rows.
+///
+/// `H` is the form in which it keeps them ([`MeasurementRows`]): a form of its own takes less room than [`Jacobian`], which
+/// can be any, and of the kernels of other forms nothing is linked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Linearized<const M: usize> {
+pub struct Linearized<const M: usize, H = Jacobian<M>> {
     /// Innovation ν = z − h(x̂), M × 1, unit of z
     pub nu: SVector<f32, M>,
     /// ∂ν/∂δx in the filter's own error state, M × N
-    pub h: Jacobian<M>,
+    pub h: H,
     /// Noise variance per row, M × 1, unit of z squared
     pub r: SVector<f32, M>,
     /// Nominal interval of this measurement, the T of ξ1 [s]; zero or below: unknown, and ξ1 is not available
     pub interval: f32,
+}
+
+impl<const M: usize, H: MeasurementRows<M>> Linearized<M, H> {
+    /// All elements of its rows, M × N.
+    pub fn dense(&self) -> SMatrix<f32, M, N> {
+        self.h.kind().dense()
+    }
 }
 
 impl Linearized<3> {
@@ -129,41 +142,10 @@ impl Linearized<3> {
             nu: SVector::from([self.nu.x, self.nu.y]),
             h: match &self.h {
                 Jacobian::Direct { first } => Jacobian::Direct { first: *first },
-                h => Jacobian::Dense(h.dense().fixed_view::<2, N>(0, 0).into_owned()),
+                h => Jacobian::Dense(h.kind().dense().fixed_view::<2, N>(0, 0).into_owned()),
             },
             r: SVector::from([self.r.x, self.r.y]),
             interval: self.interval,
-        }
-    }
-}
-
-/// ∂ν/∂δx of a measurement, so that correcting the estimate by δx leaves ν − h·δx.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant)] // no allocation here; and it lives for the length of a call
-pub enum Jacobian<const M: usize> {
-    /// Row m is −1 on error state `first + m`, and zero elsewhere.
-    Direct {
-        /// State of row 0
-        first: usize,
-    },
-    /// The first M rows of position and velocity of an antenna, of which there are six.
-    Antenna(AntennaRows),
-    /// Any rows.
-    Dense(SMatrix<f32, M, N>),
-}
-
-impl<const M: usize> Jacobian<M> {
-    /// All elements, M × N.
-    pub fn dense(&self) -> SMatrix<f32, M, N> {
-        match self {
-            Self::Direct { first } => {
-                SMatrix::from_fn(|row, col| match col.checked_sub(row) == Some(*first) {
-                    true => -1.0,
-                    false => 0.0,
-                })
-            }
-            Self::Antenna(rows) => rows.dense(),
-            Self::Dense(h) => *h,
         }
     }
 }

@@ -1,11 +1,12 @@
 //! Wheels: speed along the vehicle, and that it moves neither sideways nor off the ground.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::{check_interval, variances, Antenna, Boresight, Jacobian, Linearized};
+use super::rows::set;
+use super::{check_interval, variances, Antenna, Boresight, Linearized};
 use crate::error::Error;
 use crate::error_model::{ATT, BG, N, VEL};
-use crate::linalg::skew;
+use crate::linalg::{cross, dot, rows, transformed};
 use crate::mechanization::MAX_SPEED;
 use crate::nav::NavState;
 
@@ -30,6 +31,11 @@ pub struct NonHolonomic {
     r: SVector<f32, 3>,
     interval: f32,
 }
+
+/// Axes of the vehicle.
+const RIGHT: usize = 0;
+const FORWARD: usize = 1;
+const UP: usize = 2;
 
 /// Where the wheel is and how the vehicle stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,14 +79,19 @@ impl Odometer {
     }
 
     /// Rows right, forward, up.
-    pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
-        let (v_m, h) = self.mount.rows(nav);
-        Linearized {
-            nu: Vector3::new(0.0, self.speed, 0.0) - v_m,
-            h: Jacobian::Dense(h),
+    pub fn linearize(&self, nav: &NavState) -> Linearized<3, SMatrix<f32, 3, N>> {
+        let mut measurement = Linearized {
+            nu: Vector3::new(0.0, self.speed, 0.0),
+            h: SMatrix::zeros(),
             r: self.r,
             interval: self.interval,
-        }
+        };
+        let wheel = self.mount.at(nav);
+        let (nu, h) = (&mut measurement.nu, &mut measurement.h);
+        nu.x -= wheel.row::<RIGHT, 0, 3>(h);
+        nu.y -= wheel.row::<FORWARD, 1, 3>(h);
+        nu.z -= wheel.row::<UP, 2, 3>(h);
+        measurement
     }
 }
 
@@ -110,19 +121,18 @@ impl NonHolonomic {
     }
 
     /// Rows right and up.
-    pub fn linearize(&self, nav: &NavState) -> Linearized<2> {
-        let (v_m, full) = self.mount.rows(nav);
-        let mut h = SMatrix::<f32, 2, N>::zeros();
-        h.fixed_view_mut::<1, N>(0, 0)
-            .copy_from(&full.fixed_view::<1, N>(0, 0));
-        h.fixed_view_mut::<1, N>(1, 0)
-            .copy_from(&full.fixed_view::<1, N>(2, 0));
-        Linearized {
-            nu: SVector::from([-v_m.x, -v_m.z]),
-            h: Jacobian::Dense(h),
-            r: SVector::from([self.r.x, self.r.z]),
+    pub fn linearize(&self, nav: &NavState) -> Linearized<2, SMatrix<f32, 2, N>> {
+        let mut measurement = Linearized {
+            nu: Vector2::zeros(),
+            h: SMatrix::zeros(),
+            r: Vector2::new(self.r.x, self.r.z),
             interval: self.interval,
-        }
+        };
+        let wheel = self.mount.at(nav);
+        let (nu, h) = (&mut measurement.nu, &mut measurement.h);
+        nu.x = -wheel.row::<RIGHT, 0, 2>(h);
+        nu.y = -wheel.row::<UP, 1, 2>(h);
+        measurement
     }
 }
 
@@ -134,17 +144,42 @@ impl Mount {
         }
     }
 
-    /// Velocity of the wheel in vehicle axes, and the rows of all three components.
-    fn rows(&self, nav: &NavState) -> (Vector3<f32>, SMatrix<f32, 3, N>) {
-        let (v_n, l) = (nav.v_n(), self.wheel.lever_arm());
-        let c_n_m = self.c_b_m * nav.c_b_n().transpose();
-        let v_m = c_n_m * v_n + self.c_b_m * nav.omega_ib_b().cross(&l);
-        let mut h = SMatrix::<f32, 3, N>::zeros();
-        h.fixed_view_mut::<3, 3>(0, VEL).copy_from(&-c_n_m);
-        h.fixed_view_mut::<3, 3>(0, ATT)
-            .copy_from(&(c_n_m * skew(&v_n)));
-        h.fixed_view_mut::<3, 3>(0, BG)
-            .copy_from(&(self.c_b_m * skew(&l)));
-        (v_m, h)
+    /// What all rows need.
+    #[inline(always)]
+    fn at<'a>(&'a self, nav: &NavState) -> Wheel<'a> {
+        let l = self.wheel.lever_arm();
+        Wheel {
+            mount: self,
+            l,
+            v_n: nav.v_n(),
+            c_b_n: nav.c_b_n(),
+            motion: cross(&nav.omega_ib_b(), &l),
+        }
+    }
+}
+
+/// A wheel in motion.
+struct Wheel<'a> {
+    mount: &'a Mount,
+    l: Vector3<f32>,
+    v_n: Vector3<f32>,
+    c_b_n: Matrix3<f32>,
+    /// ω̂ × l
+    motion: Vector3<f32>,
+}
+
+impl Wheel<'_> {
+    /// The elements of one vehicle axis, and the velocity of the wheel along it.
+    #[inline(always)]
+    fn row<const AXIS: usize, const ROW: usize, const M: usize>(
+        &self,
+        h: &mut SMatrix<f32, M, N>,
+    ) -> f32 {
+        let b = rows(&self.mount.c_b_m)[AXIS];
+        let along = transformed(&self.c_b_n, &b); // this axis in the level frame
+        set::<ROW, VEL, M>(h, &Vector3::new(-along.x, -along.y, -along.z));
+        set::<ROW, ATT, M>(h, &cross(&along, &self.v_n));
+        set::<ROW, BG, M>(h, &cross(&b, &self.l));
+        dot(&along, &self.v_n) + dot(&b, &self.motion)
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::{Antenna, Jacobian, Linearized, Position, Velocity};
+use super::{Antenna, AntennaRows, Linearized, Position, Velocity};
 use crate::nav::NavState;
 
 /// A fix: position and velocity of the same antenna at the same time, six rows.
@@ -39,7 +39,7 @@ impl PositionVelocity {
     }
 
     /// The rows of [`Position::linearize`], then those of [`Velocity::linearize`]. One report, one ξ1.
-    pub fn linearize(&self, nav: &NavState) -> Linearized<6> {
+    pub fn linearize(&self, nav: &NavState) -> Linearized<6, AntennaRows> {
         let c_b_n = nav.c_b_n();
         let offset = self.antenna.offset(&c_b_n);
         let motion = self.antenna.motion(nav, &c_b_n);
@@ -50,7 +50,7 @@ impl PositionVelocity {
         let lower = [of_r.lower(), of_v.lower()];
         Linearized {
             nu: SVector::from([nu_r.x, nu_r.y, nu_r.z, nu_v.x, nu_v.y, nu_v.z]),
-            h: Jacobian::Antenna(self.antenna.rows(&offset, &motion, &c_b_n, lower)),
+            h: self.antenna.rows(&offset, &motion, &c_b_n, lower),
             r: SVector::from([r.x, r.y, r.z, v.x, v.y, v.z]),
             interval: self.position.interval(),
         }

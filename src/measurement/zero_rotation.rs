@@ -1,11 +1,12 @@
 //! The vehicle is known not to turn: the gyros then measure their own bias and the earth rate.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
-use super::{check_interval, variance, Jacobian, Linearized};
+use super::rows::set;
+use super::{check_interval, variance, Linearized};
 use crate::error::Error;
 use crate::error_model::{ATT, BG, N};
-use crate::linalg::skew;
+use crate::linalg::{columns, cross, dot};
 use crate::nav::NavState;
 
 /// Zero-rotation update: z = mean gyro output over a rest, h(x) = C_n^b ω_ie^n + b_g.
@@ -59,18 +60,23 @@ impl ZeroRotation {
     /// earth, and so does the earth rate in it.
     ///
     /// Derived here. Against finite differences: `host-tests/tests/measurement.rs`.
-    pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
-        let c_n_b = nav.c_b_n().transpose();
-        let omega_ie_n = nav.local().omega_ie_n();
-        let on_angle = c_n_b * skew(&omega_ie_n);
-        let mut h = SMatrix::<f32, 3, N>::zeros();
-        h.fixed_view_mut::<3, 3>(0, ATT).copy_from(&on_angle);
-        h.fixed_view_mut::<3, 3>(0, BG).fill_with_identity();
-        Linearized {
-            nu: self.omega_ib_b - nav.b_g() - c_n_b * omega_ie_n,
-            h: Jacobian::Dense(h),
-            r: SVector::from(Vector3::repeat(self.r)),
+    pub fn linearize(&self, nav: &NavState) -> Linearized<3, SMatrix<f32, 3, N>> {
+        let [x, y, z] = columns(&nav.c_b_n()); // rows of Ĉ_n^b
+        let w = nav.local().omega_ie_n();
+        let expected = nav.b_g() + Vector3::new(dot(&x, &w), dot(&y, &w), dot(&z, &w));
+        let mut measurement = Linearized {
+            nu: self.omega_ib_b - expected,
+            h: SMatrix::zeros(),
+            r: Vector3::new(self.r, self.r, self.r),
             interval: self.interval,
-        }
+        };
+        let h = &mut measurement.h;
+        set::<0, ATT, 3>(h, &cross(&x, &w));
+        set::<1, ATT, 3>(h, &cross(&y, &w));
+        set::<2, ATT, 3>(h, &cross(&z, &w));
+        set::<0, BG, 3>(h, &Vector3::x());
+        set::<1, BG, 3>(h, &Vector3::y());
+        set::<2, BG, 3>(h, &Vector3::z());
+        measurement
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::{check_interval, variance, Jacobian, Linearized};
+use super::{check_interval, variance, Direct, Linearized};
 use crate::error::Error;
 use crate::error_model::VEL;
 use crate::nav::NavState;
@@ -37,11 +37,11 @@ impl ZeroVelocity {
     /// Left out: a position correction re-levels v̂ by δθ, which moves ν by at most |v̂|·|δr|/(R cos L), nothing at a
     /// standstill.
     #[inline(always)]
-    pub fn linearize(&self, nav: &NavState) -> Linearized<3> {
+    pub fn linearize(&self, nav: &NavState) -> Linearized<3, Direct<VEL>> {
         let v = nav.v_n();
         Linearized {
             nu: SVector::from([-v.x, -v.y, -v.z]),
-            h: Jacobian::Direct { first: VEL }, // δv is estimate minus truth
+            h: Direct, // δv is estimate minus truth
             r: SVector::from([self.r, self.r, self.r]),
             interval: self.interval,
         }

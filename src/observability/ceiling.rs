@@ -19,7 +19,7 @@ use super::one_sided::{identity, rotate, Triangle};
 use super::pwcs::Staged;
 use crate::filter::UpdateReport;
 use crate::linalg::Real;
-use crate::measurement::Linearized;
+use crate::measurement::{Linearized, MeasurementRows};
 
 /// How far ξ2 may stand above its ceiling, relatively, in an honest filter: re-linearising about a noisy attitude lifts it
 /// by 5 % (404 → 424; 3 % in `laser_static`, `host-tests/tests/ceiling_margin.rs`) and a Markov bias by 2.5 % (404 → 414),
@@ -193,13 +193,13 @@ impl Gramian<f32, 15> {
     /// Takes in a measurement as the filter used it: its accepted rows.
     ///
     /// `sigma0`: the unit of each state, [`crate::filter::Filter::sigma0`].
-    pub fn observe_update<const M: usize>(
+    pub fn observe_update<const M: usize, H: MeasurementRows<M>>(
         &mut self,
-        measurement: &Linearized<M>,
+        measurement: &Linearized<M, H>,
         report: &UpdateReport<M>,
         sigma0: &[f32; 15],
     ) {
-        let h = measurement.h.dense();
+        let h = measurement.dense();
         let used = report.accepted.iter().zip(measurement.r.iter());
         for (row, (used, r)) in h.row_iter().zip(used) {
             if *used {

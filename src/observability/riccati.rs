@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 use super::triangle::{row, start};
 use crate::covariance::{Covariance, Covariance15, Observation};
 use crate::linalg::{BlockTransition, Real};
-use crate::measurement::{Jacobian, Linearized};
+use crate::measurement::{Kind, Linearized, MeasurementRows};
 
 /// What M measurement rows know per second: their Jacobian in σ0 units and R·T.
 ///
@@ -22,7 +22,10 @@ pub struct Information<T, const M: usize, const N: usize> {
 impl<const M: usize> Information<f32, M, 15> {
     /// From a measurement as the filter gets it and the unit of each state. `None` when its interval is unknown (≤ 0 or
     /// not finite) or a variance is not positive.
-    pub fn of(measurement: &Linearized<M>, sigma0: &[f32; 15]) -> Option<Self> {
+    pub fn of<H: MeasurementRows<M>>(
+        measurement: &Linearized<M, H>,
+        sigma0: &[f32; 15],
+    ) -> Option<Self> {
         let t = measurement.interval;
         let known = t > 0.0 && t.is_finite();
         if !known || measurement.r.iter().any(|r| *r <= 0.0) {
@@ -32,15 +35,15 @@ impl<const M: usize> Information<f32, M, 15> {
         for (to, r) in r_t.iter_mut().zip(measurement.r.iter()) {
             *to = *r * t;
         }
-        let h = match &measurement.h {
-            Jacobian::Direct { first } => {
-                for (r_t, sigma) in r_t.iter_mut().zip(sigma0.iter().skip(*first)) {
+        let h = match measurement.h.kind() {
+            Kind::Direct { first } => {
+                for (r_t, sigma) in r_t.iter_mut().zip(sigma0.iter().skip(first)) {
                     *r_t /= *sigma * *sigma;
                 }
-                Observation::Direct { first: *first }
+                Observation::Direct { first }
             }
-            h => {
-                let mut h = h.dense();
+            _ => {
+                let mut h = measurement.dense();
                 for (mut column, sigma) in h.column_iter_mut().zip(sigma0) {
                     column *= *sigma;
                 }

@@ -9,9 +9,9 @@ use nalgebra::Vector3;
 use navsight::alignment::standing::{Progress, StandingAlignment};
 use navsight::earth::Geodetic;
 use navsight::error::Error;
-use navsight::error_model::{block_rates, N};
+use navsight::error_model::{block_rates, N, VEL};
 use navsight::filter::Filter;
-use navsight::measurement::Linearized;
+use navsight::measurement::{Direct, Linearized};
 use navsight::observability::diagonal::xi1_riccati_blocks;
 use navsight::observability::riccati::{DecreaseRate, Information};
 use navsight::observability::spectrum::{Directions, Prior, Spectrum, ValuesOnly};
@@ -417,7 +417,7 @@ fn accuracy(filter: &Filter, normalised: u16) -> Result<[Along; N], Error> {
 fn speed(
     filter: &Filter,
     f_n: &Vector3<f32>,
-    measurement: &Linearized<3>,
+    measurement: &Linearized<3, Direct<VEL>>,
     normalised: u16,
 ) -> Result<([f64; N], [f64; N]), Error> {
     let (mut xi1, mut eta1) = ([f64::NAN; N], [f64::NAN; N]);
