@@ -6,10 +6,9 @@ use navsight::attitude::Euler;
 use navsight::filter::{Aided, Filter, Gate, LateFilter, Source, UpdateReport};
 use navsight::imu::ImuIncrement;
 use navsight::measurement::{
-    Antenna, Barometer, Boresight, Course, Heading, Linearized, MeasurementRows, NonHolonomic,
-    Odometer, PositionVelocity, ZeroRotation,
+    Antenna, Barometer, Boresight, Course, Heading, NonHolonomic, Odometer, PositionVelocity,
+    ZeroRotation,
 };
-use navsight::nav::NavState;
 use navsight::observability::diagonal::Xi;
 use navsight::tracking::{
     CurrentModel, Fix, Kinematics, Limits, LocalTracker, Reading, Report, Settings,
@@ -27,28 +26,21 @@ pub fn run(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::
     tracker(table)
 }
 
-/// One measurement, from its own numbers to ξ: a row of the table.
-fn aid<T: Copy, L, H: MeasurementRows<M>, const M: usize>(
-    table: &mut Table,
-    work: &str,
-    filter: &Filter,
-    model: T,
-    linearize: L,
-) -> core::fmt::Result
-where
-    L: Fn(&T, &NavState) -> Result<Linearized<M, H>, Error> + Copy,
-{
-    let measurement = linearize(&model, filter.nav()).map_err(refused)?;
-    let filter = settled(filter, &measurement)?;
-    table.row(
-        work,
-        "f32",
-        (filter, model, linearize, UpdateReport::empty()),
-        |(filter, model, linearize, report)| {
-            filter.update_into(&linearize(model, filter.nav())?, report)?;
+/// One measurement, linearised and used, to ξ: a row of the table.
+macro_rules! aid {
+    ($table:ident, $work:literal, $filter:ident, $model:expr) => {{
+        let model = $model.map_err(refused)?;
+        let measurement = model.linearize($filter.nav());
+        let state = (
+            settled($filter, &measurement)?,
+            model,
+            UpdateReport::empty(),
+        );
+        $table.row($work, "f32", state, |(filter, model, report)| {
+            filter.update_into(&model.linearize(filter.nav()), report)?;
             Xi::of(report)
-        },
-    )
+        })
+    }};
 }
 
 /// Updates of a vehicle, each near what the filter expects.
@@ -63,49 +55,50 @@ fn vehicle(table: &mut Table, filter: &Filter) -> core::fmt::Result {
     .map_err(refused)?;
     let wheel = Antenna::new(Vector3::new(0.8, -1.1, -0.4)).map_err(refused)?;
     let sigma = Vector3::new(0.1, 0.05, 0.2);
-    aid(
+    aid!(
         table,
         "course with a boresight, ξ1 and ξ2",
         filter,
-        Course::new(heading + 0.02, mounting, 0.02, 1.0).map_err(refused)?,
-        |model, nav| Ok(model.linearize(nav)),
+        Course::new(heading + 0.02, mounting, 0.02, 1.0)
     )?;
-    aid(
+    aid!(
         table,
         "heading of two antennas, ξ1 and ξ2",
         filter,
-        Heading::of_axis(Vector3::new(0.1, 0.9, 0.05), heading, 0.2, 1.0).map_err(refused)?,
-        |model, nav| Ok(model.linearize(nav)),
+        Heading::of_axis(Vector3::new(0.1, 0.9, 0.05), heading, 0.2, 1.0)
     )?;
     let barometer = Barometer::calibrate(95_000.0, 288.15, nav.position().height);
-    aid(
-        table,
+    let barometer = barometer.map_err(refused)?;
+    let height = barometer.measure(94_999.0, 1.0, 0.1).map_err(refused)?;
+    let filtered = settled(filter, &height.linearize(nav))?;
+    table.row(
         "height of a pressure, ξ1 and ξ2",
-        filter,
-        barometer.map_err(refused)?,
-        |model, nav| Ok(model.measure(94_999.0, 1.0, 0.1)?.linearize(nav)),
+        "f32",
+        (filtered, barometer, UpdateReport::empty()),
+        |(filter, barometer, report)| {
+            let height = barometer.measure(94_999.0, 1.0, 0.1)?;
+            filter.update_into(&height.linearize(filter.nav()), report)?;
+            Xi::of(report)
+        },
     )?;
-    aid(
+    aid!(
         table,
         "odometer with non-holonomic constraint, three rows, ξ1 and ξ2",
         filter,
-        Odometer::new(0.0, wheel, mounting, sigma, 0.1).map_err(refused)?,
-        |model, nav| Ok(model.linearize(nav)),
+        Odometer::new(0.0, wheel, mounting, sigma, 0.1)
     )?;
-    aid(
+    aid!(
         table,
         "non-holonomic constraint alone, two rows, ξ1 and ξ2",
         filter,
-        NonHolonomic::new(wheel, mounting, 0.1, 0.2, 0.1).map_err(refused)?,
-        |model, nav| Ok(model.linearize(nav)),
+        NonHolonomic::new(wheel, mounting, 0.1, 0.2, 0.1)
     )?;
     let rate = nav.c_b_n().transpose() * nav.local().omega_ie_n() + nav.b_g();
-    aid(
+    aid!(
         table,
         "zero-rotation update, three rows, ξ1 and ξ2",
         filter,
-        ZeroRotation::new(rate, 1e-3, 1.0).map_err(refused)?,
-        |model, nav| Ok(model.linearize(nav)),
+        ZeroRotation::new(rate, 1e-3, 1.0)
     )
 }
 

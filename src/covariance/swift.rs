@@ -34,7 +34,7 @@ struct Direct<T, const M: usize> {
     back: [[T; M]; M],
 }
 
-/// P h of each row, less what the rows before it explain.
+/// P h of each row, and then less what the rows before it explain.
 type Reduced<T, const M: usize, const N: usize> = [[T; N]; M];
 
 impl<T: Real, const M: usize> Direct<T, M> {
@@ -68,19 +68,20 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         Ok(true)
     }
 
-    /// The same of any rows.
+    /// The same of any rows. `room`: for working, with anything in it.
     #[inline(always)]
     pub(super) fn update_swiftly<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,
+        room: &mut Reduced<T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
         if N != STATES {
             return Ok(false);
         }
-        self.update_formed(out, accept, |p, out, reduced, inverse| {
+        self.update_formed(room, out, accept, |p, out, reduced, inverse| {
             p.form_any(rows, h, out, reduced, inverse)
         })
     }
@@ -91,13 +92,14 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &mut self,
         six: &Six<T>,
         rows: &Lines<'_, T, M>,
+        room: &mut Reduced<T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
         if N != STATES || M != 6 {
             return Ok(false);
         }
-        self.update_formed(out, accept, |p, out, reduced, inverse| {
+        self.update_formed(room, out, accept, |p, out, reduced, inverse| {
             p.form_six(six, rows, out, reduced, inverse)
         })
     }
@@ -106,17 +108,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(always)]
     fn update_formed<const M: usize>(
         &mut self,
+        reduced: &mut Reduced<T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
         form: impl FnOnce(&Self, &mut Slots<'_, T, M, N>, &mut Reduced<T, M, N>, &mut [T; M]) -> bool,
     ) -> Result<bool, Error> {
-        let mut reduced = const { [[T::ZERO; N]; M] };
         let mut inverse = const { [T::ZERO; M] };
-        if !form(self, out, &mut reduced, &mut inverse) {
+        if !form(self, out, reduced, &mut inverse) {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, NONE>(&reduced, &inverse, None);
+        self.sweep::<M, NONE>(reduced, &inverse, None);
         Ok(true)
     }
 

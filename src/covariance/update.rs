@@ -188,22 +188,26 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             Pattern::Direct { first: 3 } if M == 3 => {
                 self.update_states::<M, 3>(rows, considered, out, accept)
             }
-            _ => self.update_any(rows, h, considered, out, accept),
+            _ => {
+                let mut room = const { [[T::ZERO; N]; M] };
+                self.update_any(rows, h, considered, &mut room, out, accept)
+            }
         }
     }
 
-    /// The same of rows of which nothing is known before the program runs.
+    /// The same of rows of which nothing is known before the program runs. `room`: for working, with anything in it.
     #[inline(always)]
     pub(crate) fn update_any<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,
         considered: u32,
+        room: &mut [[T; N]; M],
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         const { Self::SIZE };
-        if considered == 0 && self.update_swiftly(rows, h, out, accept)? {
+        if considered == 0 && self.update_swiftly(rows, h, room, out, accept)? {
             return Ok(());
         }
         self.update_carefully_by(rows, h, considered, out, accept)

@@ -11,6 +11,7 @@
 //! | `report` | what an update shows from outside |
 //! | `source` | gate, counters and lock-out of one source of measurements |
 //! | [`late`] | the filter with a memory, for measurements that arrive late |
+//! | `room` | working room of propagation and update |
 //! | `history`, `past` | that memory, and the way of an error back through it |
 //!
 //! Every call returns a typed outcome. A refused sample or measurement leaves the filter bit for bit as it was.
@@ -20,6 +21,7 @@ pub mod late;
 mod past;
 mod report;
 pub(crate) mod ring;
+mod room;
 mod settings;
 mod source;
 mod update;
@@ -38,6 +40,7 @@ use crate::mechanization::Step;
 use crate::nav::NavState;
 use nalgebra::SMatrix;
 
+use room::Room;
 use update::MAX_MAGNITUDE;
 
 /// The navigator and its filter.
@@ -48,8 +51,7 @@ pub struct Filter {
     scaling: Scaling<f32>,
     sigma0: [f32; N],
     interval: Interval<f32>,
-    /// Of the last propagation; room for the next, which the stack need not have.
-    transition: BlockTransition<f32>,
+    room: Room,
     settings: Settings,
     time: Two,
     normalised: u16,
@@ -121,7 +123,7 @@ impl Filter {
             scaling: Scaling::of(&unit, &settings.bias, &settings.noise),
             sigma0: unit,
             interval: Interval::default(),
-            transition: BlockTransition::identity(),
+            room: Room::Transition(BlockTransition::identity()),
             settings,
             time: Two::of(0.0),
             normalised,
@@ -181,8 +183,9 @@ impl Filter {
             return;
         }
         for _ in 0..self.form_transition() {
-            self.covariance.propagate_blocks(&self.transition);
-            watch(&self.transition);
+            let transition = self.room.transition();
+            self.covariance.propagate_blocks(transition);
+            watch(transition);
         }
         self.interval = Interval::default();
     }
@@ -203,7 +206,7 @@ impl Filter {
             self.interval.f_dt *= share;
             self.interval.dt *= share;
         }
-        let transition = &mut self.transition;
+        let transition = self.room.transition();
         block_transition_into(&environment, &self.interval, &self.scaling, transition);
         parts
     }

@@ -2,6 +2,7 @@
 //!
 //! The kind of its rows decides which kernel of the covariance takes it.
 
+use super::room::Room;
 use super::{Filter, UpdateReport};
 use crate::covariance::{each_row, Covariance15, Lines, Pattern, Slots};
 use crate::error::Error;
@@ -98,9 +99,11 @@ impl Filter {
             given,
             report,
             units_from::<M, POS>,
-            |p, job, out, accept| {
+            |p, job, room, out, accept| {
                 let six = rows.in_units(job.sigma0);
-                if job.considered == 0 && p.update_six(&six, &job.lines, out, accept)? {
+                let mut own = const { [[0.0; N]; M] };
+                let room = room.panel().unwrap_or(&mut own);
+                if job.considered == 0 && p.update_six(&six, &job.lines, room, out, accept)? {
                     return Ok(());
                 }
                 update_in_full(p, rows, job, out, accept)
@@ -120,7 +123,7 @@ impl Filter {
             given,
             report,
             units_from::<M, FIRST>,
-            |p, job, out, accept| {
+            |p, job, _, out, accept| {
                 p.update_states::<M, FIRST>(&job.lines, job.considered, out, accept)
             },
         )
@@ -145,9 +148,11 @@ impl Filter {
             }
             unit
         };
-        self.update_by(given, report, unit, |p, job, out, accept| {
+        self.update_by(given, report, unit, |p, job, room, out, accept| {
             let h = Pattern::Direct { first };
-            p.update_any(&job.lines, h, job.considered, out, accept)
+            let mut own = const { [[0.0; N]; M] };
+            let room = room.panel().unwrap_or(&mut own);
+            p.update_any(&job.lines, h, job.considered, room, out, accept)
         })
     }
 
@@ -165,10 +170,12 @@ impl Filter {
             given,
             report,
             |_| const { [1.0; M] },
-            |p, job, out, accept| {
+            |p, job, room, out, accept| {
                 let unit = job.sigma0;
                 let h = Pattern::Dense { h, unit };
-                p.update_any(&job.lines, h, job.considered, out, accept)
+                let mut own = const { [[0.0; N]; M] };
+                let room = room.panel().unwrap_or(&mut own);
+                p.update_any(&job.lines, h, job.considered, room, out, accept)
             },
         )
     }
@@ -184,6 +191,7 @@ impl Filter {
         kernel: impl FnOnce(
             &mut Covariance15<f32>,
             &Job<'_, M>,
+            &mut Room,
             &mut Slots<'_, f32, M, N>,
             &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
         ) -> Result<(), Error>,
@@ -201,7 +209,8 @@ impl Filter {
             considered: u32::from(self.considered),
         };
         let mut accept = |dx: &[f32; N]| nav.correct_in_units(dx, sigma0);
-        kernel(&mut self.covariance, &job, &mut report.slots(), &mut accept)?;
+        let (p, room) = (&mut self.covariance, &mut self.room);
+        kernel(p, &job, room, &mut report.slots(), &mut accept)?;
         // formed again: kept, it would lie below the kernel
         let unit = unit(&self.sigma0);
         each_row!(m; report.s[m] *= unit[m] * unit[m]);
