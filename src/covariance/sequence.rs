@@ -19,7 +19,7 @@ pub(crate) use each_row;
 
 /// The rows made uncorrelated, each given those before it.
 pub(super) struct Sequence<T, const M: usize> {
-    /// How much of row k is in row m > k: l[m][k].
+    /// How much of row k is in row m > k: l[k][m]. Below the diagonal working room, which is not the stack's twice.
     pub l: [[T; M]; M],
     /// 1/s; zero for a row that was gated out.
     pub inverse: [T; M],
@@ -27,29 +27,29 @@ pub(super) struct Sequence<T, const M: usize> {
     pub gain: [T; M],
 }
 
-/// Factorises H P Hᵀ + R row after row and gates each; None when a row is not fit.
+/// Factorises H P Hᵀ + R, of which `hph` need hold only the diagonal and what is below, row after row and gates each; None
+/// when a row is not fit.
 #[inline(always)]
 pub(super) fn sequence<T: Real, const M: usize, const N: usize>(
-    hph: &[[T; M]; M],
+    hph: [[T; M]; M],
     nu: &[T; M],
     rows: &Lines<'_, T, M>,
     out: &mut Slots<'_, T, M, N>,
 ) -> Option<Sequence<T, M>> {
     let zero = T::zero();
-    let mut l = const { [[T::ZERO; M]; M] };
+    let mut l = hph;
     let mut inverse = const { [T::ZERO; M] };
     let mut gain = const { [T::ZERO; M] };
-    let mut w = const { [[T::ZERO; M]; M] }; // w[m][k] = l[m][k] s_k
     let mut sum = zero;
     each_row!(m; {
         let r = rows.r[m];
-        let alone = hph[m][m] + r;
+        let alone = l[m][m] + r;
         let mut s = alone;
         let mut e = nu[m];
         out.s[m] = alone;
         each_row!(k; if k < m {
-            s -= w[m][k] * l[m][k];
-            e -= w[m][k] * gain[k];
+            s -= l[m][k] * l[k][m];
+            e -= l[m][k] * gain[k];
         });
         let one_over_s = T::one() / s;
         let nis = e * e * one_over_s;
@@ -66,12 +66,12 @@ pub(super) fn sequence<T: Real, const M: usize, const N: usize>(
             gain[m] = e * one_over_s;
         }
         each_row!(n; if n > m {
-            let mut x = hph[n][m];
+            let mut x = l[n][m];
             each_row!(k; if k < m {
-                x -= w[n][k] * l[m][k];
+                x -= l[n][k] * l[k][m];
             });
-            w[n][m] = x;
-            l[n][m] = x * inverse[m];
+            l[n][m] = x; // l[m][n] s_m, with s_m as it is without a gate
+            l[m][n] = x * inverse[m];
         });
     });
     *out.nis = sum;
@@ -106,7 +106,7 @@ pub(super) fn back<T: Real, const M: usize>(g: &[T; M], l: &[[T; M]; M]) -> [T; 
     let mut x = *g;
     each_row!(n; {
         let from = M - 1 - n;
-        each_row!(k; if k < from { x[k] -= l[from][k] * x[from] });
+        each_row!(k; if k < from { x[k] -= l[k][from] * x[from] });
     });
     x
 }

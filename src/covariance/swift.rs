@@ -132,7 +132,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         inverse: &mut [T; M],
     ) -> bool {
         let hph = self.six_panel(six, reduced);
-        match sequence(&hph, &turned(rows.nu), rows, out) {
+        match sequence(hph, &turned(rows.nu), rows, out) {
             Some(q) => self.variances::<M, NONE>(&q, None, out, reduced, inverse),
             None => false,
         }
@@ -150,12 +150,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     ) -> bool {
         let mut hph = const { [[T::ZERO; M]; M] };
         each_row!(m; { each_row!(k; hph[m][k] = self.hi[at(FIRST + m, FIRST + k)]); });
-        match sequence(&hph, &turned(rows.nu), rows, out) {
+        match sequence(hph, &turned(rows.nu), rows, out) {
             Some(q) if out.accepted.iter().all(|used| *used) => {
                 each_row!(m; {
                     direct.shrink[m] = q.inverse[m] * rows.r[m];
                     each_row!(k; if k < m {
-                        direct.back[m][k] = q.l[m][k] * (rows.r[k] / rows.r[m]);
+                        direct.back[k][m] = q.l[k][m] * (rows.r[k] / rows.r[m]);
                     });
                 });
                 self.variances::<M, FIRST>(&q, Some(direct), out, reduced, inverse)
@@ -182,7 +182,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             }
             Pattern::Dense { h, unit } => self.dense_panel(h, unit, reduced),
         };
-        match sequence(&hph, &nu, rows, out) {
+        match sequence(hph, &nu, rows, out) {
             Some(q) => self.variances::<M, NONE>(&q, None, out, reduced, inverse),
             None => false,
         }
@@ -243,7 +243,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 each_row!(m; {
                     let mut x = [c[0][m], c[1][m], c[2][m]];
                     each_row!(k; if k < m {
-                        let l = q.l[m][k];
+                        let l = q.l[k][m];
                         x = [x[0] - l * c[0][k], x[1] - l * c[1][k], x[2] - l * c[2][k]];
                     });
                     (c[0][m], c[1][m], c[2][m]) = (x[0], x[1], x[2]);
@@ -267,7 +267,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 let mut c = panel!($j);
                 each_row!(m; {
                     let mut x = c[m];
-                    each_row!(k; if k < m { x -= q.l[m][k] * c[k] });
+                    each_row!(k; if k < m { x -= q.l[k][m] * c[k] });
                     c[m] = x;
                 });
                 one!($j, c, dot(&c, &times(&c, &q.inverse)), dot(&c, &q.gain));
