@@ -33,7 +33,7 @@ impl Filter {
     ) -> Result<UpdateReport<M>, Error> {
         let mut outcome = Ok(UpdateReport::empty());
         if let Ok(report) = &mut outcome {
-            // where it is returned: moved there afterwards, it would take its room twice
+            // inside the outcome: moved into it, it would be copied once more
             if let Err(error) = self.update_into(measurement, report) {
                 outcome = Err(error);
             }
@@ -285,6 +285,21 @@ impl<const M: usize> Given<M> {
     /// Innovations and variances to the unit of each row, and the innovations as they are into the report.
     #[inline(always)]
     fn scale(&mut self, unit: &[f32; M], report: &mut UpdateReport<M>) -> Result<(), Error> {
+        if M > 3 {
+            self.scale_apart(unit, report)
+        } else {
+            self.scale_here(unit, report)
+        }
+    }
+
+    /// Of many rows for itself, so that its registers are not kept on the stack below the kernel.
+    #[inline(never)]
+    fn scale_apart(&mut self, unit: &[f32; M], report: &mut UpdateReport<M>) -> Result<(), Error> {
+        self.scale_here(unit, report)
+    }
+
+    #[inline(always)]
+    fn scale_here(&mut self, unit: &[f32; M], report: &mut UpdateReport<M>) -> Result<(), Error> {
         let mut sum = 0.0;
         each_row!(m; {
             report.nu[m] = self.nu[m];

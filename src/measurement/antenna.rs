@@ -144,7 +144,7 @@ impl AntennaRows {
     }
 
     /// As the covariance takes them: states in these units, and each row in that of the state it is −1 on.
-    #[inline(always)]
+    #[inline(never)] // so that its numbers are off the stack when the update works with them
     pub(crate) fn in_units(&self, unit: &[f32; N]) -> Six<f32> {
         let (o, m, t, [r, v]) = (&self.offset, &self.motion, &self.turned, &self.lower);
         let [e, n, u, ve, vn, vu, pe, pn, pu, gx, gy, gz, ..] = *unit;

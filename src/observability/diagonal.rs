@@ -64,7 +64,7 @@ impl Xi<f32, 15> {
     ///
     /// # Errors
     /// [`Error::Variance`] as [`xi2`], for a report that no update has written.
-    #[inline(always)] // so that the indices are written where the caller wants them
+    #[inline(never)]
     pub fn of<const M: usize>(report: &UpdateReport<M>) -> Result<Self, Error> {
         let available = u32::from(report.normalised);
         let mut xi = Self {
