@@ -1,5 +1,6 @@
 //! Orthonormal vectors, by Gram and Schmidt with a second pass.
 
+use super::vector::{self, dot};
 use crate::linalg::Real;
 
 /// Orthonormal vectors that grow.
@@ -25,10 +26,7 @@ impl<T: Real, const N: usize> Basis<T, N> {
 
     fn pass(&self, row: &mut [T; N]) {
         for v in self.vectors.iter().take(self.len) {
-            let along = dot(v, row);
-            for (x, y) in row.iter_mut().zip(v) {
-                *x -= along * *y;
-            }
+            vector::add(row, -dot(v, row), v);
         }
     }
 
@@ -84,12 +82,4 @@ impl<T: Real, const N: usize> Basis<T, N> {
             None => false,
         }
     }
-}
-
-pub(super) fn dot<T: Real, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
-    let mut sum = T::zero();
-    for (x, y) in a.iter().zip(b) {
-        sum += *x * *y;
-    }
-    sum
 }

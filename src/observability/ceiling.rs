@@ -13,10 +13,11 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::basis::{dot, Basis};
+use super::basis::Basis;
 use super::comprehensive::null_vector;
 use super::one_sided::{identity, rotate, Triangle};
 use super::pwcs::Staged;
+use super::vector::{self, dot};
 use crate::filter::UpdateReport;
 use crate::linalg::Real;
 use crate::measurement::{Linearized, MeasurementRows};
@@ -238,9 +239,7 @@ impl<T: Real, const N: usize> Gramian<T, N> {
         for (psi, row) in self.psi.iter_mut().zip(a.row_iter()) {
             for (factor, source) in row.iter().zip(&old) {
                 if *factor != T::zero() {
-                    for (x, y) in psi.iter_mut().zip(source) {
-                        *x += *factor * *y;
-                    }
+                    vector::add(psi, *factor, source);
                 }
             }
         }
@@ -251,9 +250,7 @@ impl<T: Real, const N: usize> Gramian<T, N> {
         let mut row = [T::zero(); N];
         for (factor, psi) in h.iter().zip(&self.psi) {
             if *factor != T::zero() {
-                for (x, y) in row.iter_mut().zip(psi) {
-                    *x += *factor * *y;
-                }
+                vector::add(&mut row, *factor, psi);
             }
         }
         self.triangle.add(&row);

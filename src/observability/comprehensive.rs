@@ -15,9 +15,10 @@
 
 use nalgebra::SMatrix;
 
-use super::basis::{dot, Basis};
+use super::basis::Basis;
 use super::one_sided;
 use super::pwcs::Staged;
+use super::vector::dot;
 use crate::linalg::Real;
 
 /// One observable combination of states.

@@ -20,7 +20,8 @@
 //! [`super::spectrum`], which finds all of them; it also knows correlated priors and η1.
 
 use super::diagonal::{check_variances, mask};
-use super::triangle::{at, dot, row_mut, set, start};
+use super::triangle::{self, at, row, row_mut, set, start};
+use super::vector::{self, dot};
 use crate::covariance::Covariance;
 use crate::error::Error;
 use crate::linalg::{each_state, Real};
@@ -144,6 +145,60 @@ fn has(normalised: u32, i: usize) -> bool {
     normalised & (1 << (i & 31)) != 0
 }
 
+/// Calls `$m!(i; 0 … i − 1; i + 1 … 14)` for i = 0 … 14: rows of a symmetric matrix, spelled out. A loop costs three times
+/// as much at opt-level "s".
+macro_rules! each_row {
+    ($m:ident) => {
+        $m!(0;; 1 2 3 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(1; 0; 2 3 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(2; 0 1; 3 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(3; 0 1 2; 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(4; 0 1 2 3; 5 6 7 8 9 10 11 12 13 14);
+        $m!(5; 0 1 2 3 4; 6 7 8 9 10 11 12 13 14);
+        $m!(6; 0 1 2 3 4 5; 7 8 9 10 11 12 13 14);
+        $m!(7; 0 1 2 3 4 5 6; 8 9 10 11 12 13 14);
+        $m!(8; 0 1 2 3 4 5 6 7; 9 10 11 12 13 14);
+        $m!(9; 0 1 2 3 4 5 6 7 8; 10 11 12 13 14);
+        $m!(10; 0 1 2 3 4 5 6 7 8 9; 11 12 13 14);
+        $m!(11; 0 1 2 3 4 5 6 7 8 9 10; 12 13 14);
+        $m!(12; 0 1 2 3 4 5 6 7 8 9 10 11; 13 14);
+        $m!(13; 0 1 2 3 4 5 6 7 8 9 10 11 12; 14);
+        $m!(14; 0 1 2 3 4 5 6 7 8 9 10 11 12 13;);
+    };
+}
+
+/// The same from the last row up.
+macro_rules! each_row_upwards {
+    ($m:ident) => {
+        $m!(14; 0 1 2 3 4 5 6 7 8 9 10 11 12 13;);
+        $m!(13; 0 1 2 3 4 5 6 7 8 9 10 11 12; 14);
+        $m!(12; 0 1 2 3 4 5 6 7 8 9 10 11; 13 14);
+        $m!(11; 0 1 2 3 4 5 6 7 8 9 10; 12 13 14);
+        $m!(10; 0 1 2 3 4 5 6 7 8 9; 11 12 13 14);
+        $m!(9; 0 1 2 3 4 5 6 7 8; 10 11 12 13 14);
+        $m!(8; 0 1 2 3 4 5 6 7; 9 10 11 12 13 14);
+        $m!(7; 0 1 2 3 4 5 6; 8 9 10 11 12 13 14);
+        $m!(6; 0 1 2 3 4 5; 7 8 9 10 11 12 13 14);
+        $m!(5; 0 1 2 3 4; 6 7 8 9 10 11 12 13 14);
+        $m!(4; 0 1 2 3; 5 6 7 8 9 10 11 12 13 14);
+        $m!(3; 0 1 2; 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(2; 0 1; 3 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(1; 0; 2 3 4 5 6 7 8 9 10 11 12 13 14);
+        $m!(0;; 1 2 3 4 5 6 7 8 9 10 11 12 13 14);
+    };
+}
+
+/// Sum without a zero to begin with.
+macro_rules! sum {
+    ($first:expr $(, $more:expr)*) => { $first $(+ $more)* };
+}
+
+/// Element i; zero beyond the end.
+#[inline(always)]
+fn of<T: Real, const N: usize>(x: &[T; N], i: usize) -> T {
+    x.get(i).copied().unwrap_or_else(T::zero)
+}
+
 /// P = L D Lᵀ in place, row by row: column i of P, divided by the rows of L above, is D times row i of L. States without
 /// prior are taken as independent of the others, with variance 1.
 fn factorise<T: Real, const N: usize, const L: usize>(
@@ -160,39 +215,46 @@ fn factorise<T: Real, const N: usize, const L: usize>(
         }
     }
     macro_rules! row_of_factor {
-        ($i:literal) => {
+        ($i:literal; $($j:literal)*; $($below:literal)*) => {
             if $i < N {
-                factorise_row::<T, N, L>(a, $i)?;
+                let mut x = [T::zero(); N];
+                $(
+                    if let Some(x) = x.get_mut($j) {
+                        *x = of(a, const { start($i) + $j });
+                    }
+                )*
+                divide_above(a, &mut x, $i);
+                #[allow(unused_mut)]
+                let mut pivot = of(a, const { start($i) + $i });
+                $(
+                    let l = of(&x, $j) * of(a, const { start($j) + $j });
+                    pivot -= l * of(&x, $j);
+                    set(a, $i, $j, l);
+                )*
+                invert_pivot::<T, L>(a, $i, pivot)?;
             }
         };
     }
-    each_state!(row_of_factor);
+    each_row!(row_of_factor);
     for i in 15..N {
-        factorise_row::<T, N, L>(a, i)?;
+        let mut x = [T::zero(); N];
+        for (x, a) in x.iter_mut().zip(row(a, i)) {
+            *x = *a;
+        }
+        divide_above(a, &mut x, i);
+        let mut pivot = at(a, i, i);
+        for (j, x) in x.iter().enumerate().take(i) {
+            let l = *x * at(a, j, j);
+            pivot -= l * *x;
+            set(a, i, j, l);
+        }
+        invert_pivot::<T, L>(a, i, pivot)?;
     }
     Ok(())
 }
 
-/// Row i of L and 1/d_i, the rows above done.
-#[inline(always)]
-fn factorise_row<T: Real, const N: usize, const L: usize>(
-    a: &mut [T; L],
-    i: usize,
-) -> Result<(), Error> {
-    let mut x = [T::zero(); N];
-    for j in 0..i {
-        if let Some(x) = x.get_mut(j) {
-            *x = at(a, i, j);
-        }
-    }
-    divide_above(a, &mut x, i);
-    let mut pivot = at(a, i, i);
-    for j in 0..i {
-        let x = x.get(j).copied().unwrap_or_else(T::zero);
-        let l = x * at(a, j, j);
-        pivot -= l * x;
-        set(a, i, j, l);
-    }
+/// Keeps 1/d_i in place of d_i.
+fn invert_pivot<T: Real, const L: usize>(a: &mut [T; L], i: usize, pivot: T) -> Result<(), Error> {
     if !(pivot > T::zero() && pivot.finite()) {
         return Err(Error::NotPositive { row: i as u8 });
     }
@@ -200,104 +262,93 @@ fn factorise_row<T: Real, const N: usize, const L: usize>(
     Ok(())
 }
 
-/// Element i of x, divided by the unit lower triangle; those above are done.
-#[inline(always)]
-fn divide<T: Real, const N: usize, const L: usize>(l: &[T; L], x: &mut [T; N], i: usize) {
-    let mut sum = T::zero();
-    for j in 0..i {
-        if let (Some(l), Some(x)) = (l.get(start(i) + j), x.get(j)) {
-            sum += *l * *x;
-        }
-    }
-    if let Some(x) = x.get_mut(i) {
-        *x -= sum;
-    }
-}
-
 /// The first n elements of x divided by the unit lower triangle.
 #[inline(never)]
 fn divide_above<T: Real, const N: usize, const L: usize>(l: &[T; L], x: &mut [T; N], n: usize) {
     macro_rules! element {
-        ($i:literal) => {
+        (0;; $($below:literal)*) => {};
+        ($i:literal; $($j:literal)+; $($below:literal)*) => {
             if $i >= n {
                 return;
             }
-            divide(l, x, $i);
+            let known = sum!($(of(l, const { start($i) + $j }) * of(x, $j)),+);
+            if let Some(x) = x.get_mut($i) {
+                *x -= known;
+            }
         };
     }
-    each_state!(element);
+    each_row!(element);
     for i in 15..n {
-        divide(l, x, i);
+        let (above, _) = x.split_at_checked(i).unwrap_or_default();
+        let known = triangle::dot(row(l, i), above);
+        if let Some(x) = x.get_mut(i) {
+            *x -= known;
+        }
     }
 }
 
 /// y = P⁻¹ x by the factor.
-#[inline(always)]
+#[inline(never)] // so that its registers are not the caller's
 fn substitute<T: Real, const N: usize, const L: usize>(l: &[T; L], x: &[T; N], y: &mut [T; N]) {
     *y = *x;
     divide_above(l, y, N);
-    for (i, y) in y.iter_mut().enumerate() {
+    macro_rules! weigh {
+        ($i:literal) => {
+            if let Some(y) = y.get_mut($i) {
+                *y *= of(l, const { start($i) + $i });
+            }
+        };
+    }
+    each_state!(weigh);
+    for (i, y) in y.iter_mut().enumerate().skip(15) {
         *y *= at(l, i, i);
     }
     for i in (15..N).rev() {
-        take_off(l, y, i);
+        let y_i = of(y, i);
+        for (y, l) in y.iter_mut().zip(row(l, i)).take(i) {
+            *y -= *l * y_i;
+        }
     }
+    // column by column the elements that are known are taken off those above
     macro_rules! element {
-        ($i:literal) => {
-            if 14 - $i < N {
-                take_off(l, y, 14 - $i);
+        ($i:literal; $($j:literal)*; $($below:literal)*) => {
+            if $i < N {
+                #[allow(unused_variables)] // in the first row
+                let y_i = of(y, $i);
+                $(
+                    if let Some(y) = y.get_mut($j) {
+                        *y -= of(l, const { start($i) + $j }) * y_i;
+                    }
+                )*
             }
         };
     }
-    each_state!(element);
-}
-
-/// Takes row i of the unit lower triangle times x_i off the elements above.
-#[inline(always)]
-fn take_off<T: Real, const N: usize, const L: usize>(l: &[T; L], x: &mut [T; N], i: usize) {
-    let x_i = x.get(i).copied().unwrap_or_else(T::zero);
-    for j in 0..i {
-        if let (Some(l), Some(x)) = (l.get(start(i) + j), x.get_mut(j)) {
-            *x -= *l * x_i;
-        }
-    }
+    each_row_upwards!(element);
 }
 
 /// y = A x
-#[inline(never)] // so that its registers are not the caller's
+#[inline(never)] // as above
 fn product<T: Real, const N: usize, const L: usize>(a: &[T; L], x: &[T; N], y: &mut [T; N]) {
-    *y = [T::zero(); N];
     macro_rules! element {
-        ($i:literal) => {
-            if $i < N {
-                add_row(a, x, y, $i);
+        ($i:literal; $($j:literal)*; $($k:literal)*) => {
+            if let Some(y) = y.get_mut($i) {
+                *y = of(a, const { start($i) + $i }) * of(x, $i)
+                    $(+ of(a, const { start($i) + $j }) * of(x, $j))*
+                    $(+ of(a, const { start($k) + $i }) * of(x, $k))*;
             }
         };
     }
-    each_state!(element);
+    each_row!(element);
     for i in 15..N {
-        add_row(a, x, y, i);
-    }
-}
-
-/// Adds what row i of the lower triangle has in A x, column i included.
-#[inline(always)]
-fn add_row<T: Real, const N: usize, const L: usize>(
-    a: &[T; L],
-    x: &[T; N],
-    y: &mut [T; N],
-    i: usize,
-) {
-    let x_i = x.get(i).copied().unwrap_or_else(T::zero);
-    let mut sum = at(a, i, i) * x_i;
-    for j in 0..i {
-        if let (Some(a), Some(x), Some(y)) = (a.get(start(i) + j), x.get(j), y.get_mut(j)) {
+        let x_i = of(x, i);
+        let mut sum = at(a, i, i) * x_i;
+        for ((a, x), y) in row(a, i).iter().zip(x).zip(y.iter_mut()).take(i) {
             *y += *a * x_i;
             sum += *a * *x;
         }
-    }
-    if let Some(y) = y.get_mut(i) {
-        *y = sum;
+        if let Some(y) = y.get_mut(i) {
+            *y = sum;
+        }
     }
 }
 
@@ -381,9 +432,7 @@ impl<T: Real> Ritz<T> {
         let (mut s, mut off) = (T::one(), T::zero());
         let elements = self.alpha.iter().zip(&self.beta);
         for ((alpha, beta), u) in elements.zip(basis).take(self.len) {
-            for (v, u) in v.iter_mut().zip(u) {
-                *v += s * *u;
-            }
+            vector::add(&mut v, s, u);
             let over = *beta / (self.theta - *alpha - off);
             s /= over;
             off = over * *beta;
@@ -419,16 +468,8 @@ fn climb<T: Real, const N: usize>(
         }
         let alpha = dot(v, w);
         match (before.last(), ritz.beta.get(ritz.len.wrapping_sub(1))) {
-            (Some(before), Some(beta)) => {
-                for (w, (v, before)) in w.iter_mut().zip(v.iter().zip(before)) {
-                    *w -= alpha * *v + *beta * *before;
-                }
-            }
-            _ => {
-                for (w, v) in w.iter_mut().zip(v) {
-                    *w -= alpha * *v;
-                }
-            }
+            (Some(before), Some(beta)) => vector::take_off_two(w, (alpha, v), (*beta, before)),
+            _ => vector::add(w, -alpha, v),
         }
         let square = dot(w, w);
         if !(alpha > T::zero() && square.finite()) {
@@ -452,9 +493,7 @@ fn climb<T: Real, const N: usize>(
             start_with(basis, best);
             ritz.len = 0;
         } else {
-            for w in w {
-                *w *= inverse;
-            }
+            vector::scale(w, inverse);
         }
     }
     Err(Error::NotConverged)
@@ -462,28 +501,46 @@ fn climb<T: Real, const N: usize>(
 
 /// Begins a space with x.
 fn start_with<T: Real, const N: usize>(basis: &mut [[T; N]; ROOM + 1], x: [T; N]) {
-    let scale = dot(&x, &x).inverse_root_near();
     if let Some(to) = basis.first_mut() {
-        *to = x.map(|x| x * scale);
+        *to = x;
+        vector::scale(to, dot(&x, &x).inverse_root_near());
     }
 }
 
 /// Elements between −1/2 and 1/2 for the states with a prior, none of them alike: a start that is no eigenvector by
 /// symmetry, and has a share in every one.
 fn irregular<T: Real, const N: usize>(normalised: u32) -> [T; N] {
-    const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let mut x = [T::zero(); N];
-    let mut factor = 0.0;
-    for (i, x) in x.iter_mut().enumerate() {
-        factor += GOLDEN;
-        if factor > 0.5 {
-            factor -= 1.0;
-        }
+    macro_rules! element {
+        ($i:literal) => {
+            if let Some(x) = x.get_mut($i) {
+                if has(normalised, $i) {
+                    *x = T::of(const { golden($i) });
+                }
+            }
+        };
+    }
+    each_state!(element);
+    for (i, x) in x.iter_mut().enumerate().skip(15) {
         if has(normalised, i) {
-            *x = T::of(factor);
+            *x = T::of(golden(i));
         }
     }
     x
+}
+
+/// i + 1 times the golden ratio, less the nearest integer.
+const fn golden(i: usize) -> f64 {
+    const RATIO: f64 = 0.618_033_988_749_894_9;
+    let (mut left, mut factor) = (i + 1, 0.0);
+    while left > 0 {
+        factor += RATIO;
+        if factor > 0.5 {
+            factor -= 1.0;
+        }
+        left -= 1;
+    }
+    factor
 }
 
 /// x with its largest component positive.

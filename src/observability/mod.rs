@@ -36,4 +36,5 @@ pub mod riccati;
 pub mod spectrum;
 pub mod structural;
 mod triangle;
+mod vector;
 pub mod verdict;

@@ -1,5 +1,6 @@
 //! One-sided Jacobi (Hestenes): rotates vectors until they are orthogonal, without forming their products' matrix.
 
+use super::vector::{self, dot};
 use crate::linalg::Real;
 
 /// Sweeps before giving up; six to eight suffice for 15 vectors.
@@ -23,12 +24,7 @@ pub(super) fn rotate_pair<T: Real, const R: usize, const C: usize>(
     let Some((x, y)) = pair(vectors, p, q) else {
         return false;
     };
-    let (mut a, mut b, mut c) = (T::zero(), T::zero(), T::zero());
-    for (x, y) in x.iter().zip(y.iter()) {
-        a += *x * *x;
-        b += *y * *y;
-        c += *x * *y;
-    }
+    let (a, b, c) = (dot(x, x), dot(y, y), dot(x, y));
     let noise = T::of(4.0) * T::EPSILON;
     let orthogonal = c * c <= noise * noise * (a * b);
     if orthogonal && a >= b {
@@ -55,9 +51,9 @@ pub(super) fn rotate_pair<T: Real, const R: usize, const C: usize>(
             (-sin, -cos)
         }
     };
-    turn(x, y, cos, sin);
+    vector::turn(x, y, cos, sin);
     if let Some((x, y)) = axes.and_then(|axes| pair(axes, p, q)) {
-        turn(x, y, cos, sin);
+        vector::turn(x, y, cos, sin);
     }
     true
 }

@@ -24,9 +24,10 @@ pub use blocks::Form;
 
 use nalgebra::SMatrix;
 
-use super::basis::{dot, Basis};
+use super::basis::Basis;
 use super::one_sided::{identity, rotate_pair, Triangle, SWEEPS};
 use super::pwcs::{Progress, Staged};
+use super::vector::dot;
 use crate::error::Error;
 use crate::linalg::Real;
 use blocks::Blocks;

@@ -6,7 +6,7 @@ use nalgebra::SMatrix;
 
 use super::{gap, get, EigenDegree, NONE};
 use crate::linalg::Real;
-use crate::observability::basis::dot;
+use crate::observability::vector::dot;
 
 /// What a slice does for one order.
 #[derive(Clone, Copy, Debug, PartialEq)]
