@@ -1,13 +1,16 @@
-//! Rows of the bench for alignment: rest, coarse window and its second use, gate, planner, attitude in motion.
+//! Rows of the bench for alignment: rest, coarse window and its second use, start of a filter, gate, planner, attitude in
+//! motion.
 
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use navsight::alignment::coarse::CoarseAlignment;
 use navsight::alignment::gate::{self, Gate};
+use navsight::alignment::heading_source::OutsideHeading;
 use navsight::alignment::in_motion::InMotion;
 use navsight::alignment::planner::{Manoeuvre, Planner, Progress, Rules};
-use navsight::alignment::standing::{Plan, StandingAlignment};
+use navsight::alignment::standing::{self, Plan, StandingAlignment};
 use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
+use navsight::error::Error;
 use navsight::filter::{Filter, Prior, UpdateReport};
 use navsight::imu::{ImuIncrement, ImuLimits};
 use navsight::measurement::ZeroVelocity;
@@ -18,6 +21,8 @@ use crate::rows::{refused, settled, Table};
 pub fn run(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Result {
     rest(table, imu)?;
     coarse(table, filter, imu)?;
+    starts(table, filter)?;
+    beginnings(table, filter, imu)?;
     again(table, filter, imu)?;
     planning(table, filter)?;
     in_motion(table, imu)
@@ -72,33 +77,124 @@ fn coarse(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::R
     )
 }
 
+/// What a standing vehicle starts with.
+const PRIOR: Prior = Prior {
+    position: [1.0; 3],
+    velocity: [0.1; 3],
+    attitude: [0.01, 0.01, 0.1],
+    gyro_bias: [1e-7; 3],
+    accel_bias: [1e-3; 3],
+};
+
+/// The shortest window.
+fn plan() -> Result<Plan, Error> {
+    Ok(Plan {
+        coarse_duration: 9.0,
+        zero_velocity: ZeroVelocity::new(0.01, 1.0)?,
+        turning: 1.0,
+    })
+}
+
+/// A filter starts.
+fn starts(table: &mut Table, filter: &Filter) -> core::fmt::Result {
+    let (nav, settings) = (*filter.nav(), *filter.settings());
+    table.row(
+        "filter: start",
+        "f32",
+        (nav, PRIOR, settings),
+        |(nav, prior, settings)| Filter::new(*nav, prior, *settings),
+    )?;
+    let sigma0 = PRIOR.sigma0().map_err(refused)?;
+    let p0 = SMatrix::from_diagonal(&SVector::from(sigma0.map(|sigma| sigma * sigma)));
+    table.row(
+        "filter: start with a full covariance",
+        "f32",
+        (nav, p0, settings),
+        |(nav, p0, settings)| Filter::with_covariance(*nav, p0, *settings),
+    )
+}
+
+/// A standing alignment begins, and starts its filter when the window closes: by the earth rate, and levelled with a
+/// heading from outside.
+fn beginnings(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Result {
+    let given = (
+        filter.nav().position(),
+        plan().map_err(refused)?,
+        PRIOR,
+        *filter.settings(),
+    );
+    let (position, plan, prior, settings) = given;
+    table.row(
+        "standing alignment: beginning",
+        "f32",
+        given,
+        |(position, plan, prior, settings)| {
+            StandingAlignment::<16>::reusing(*position, *plan, *prior, *settings)
+        },
+    )?;
+    let outside = OutsideHeading::new(0.5, 0.01).map_err(refused)?;
+    let of_mems = Prior {
+        gyro_bias: [5e-3; 3],
+        ..prior
+    };
+    table.row(
+        "standing alignment: beginning",
+        "f32",
+        (given, outside),
+        |((position, plan, prior, settings), outside)| {
+            StandingAlignment::with_heading(*position, *plan, *prior, *settings, Some(*outside))
+        },
+    )?;
+    let name = "standing alignment: start of the filter";
+    let alignment = StandingAlignment::new(position, plan, prior, settings);
+    start(table, name, alignment.map_err(refused)?, imu)?;
+    let alignment = StandingAlignment::<16>::reusing(position, plan, prior, settings);
+    start(table, name, alignment.map_err(refused)?, imu)?;
+    let alignment =
+        StandingAlignment::with_heading(position, plan, of_mems, settings, Some(outside));
+    start(
+        table,
+        "standing alignment: start of the filter, levelled",
+        alignment.map_err(refused)?,
+        imu,
+    )
+}
+
+/// The last samples of the window, the dearest of which starts the filter.
+fn start<const K: usize>(
+    table: &mut Table,
+    name: &str,
+    mut alignment: StandingAlignment<K>,
+    imu: ImuIncrement,
+) -> core::fmt::Result {
+    for _ in 0..895 {
+        alignment.take(&imu).map_err(refused)?;
+    }
+    let mut state = (alignment, imu, standing::Progress::Coarse);
+    while state.0.filter().is_none() {
+        table.slice(name, "f32", &mut state, |(alignment, imu, progress)| {
+            alignment.take_into(imu, progress)
+        })?;
+    }
+    Ok(())
+}
+
 /// The filter goes through the coarse window: the dearest call until it has caught up.
 fn again(table: &mut Table, filter: &Filter, imu: ImuIncrement) -> core::fmt::Result {
-    let plan = Plan {
-        coarse_duration: 9.0,
-        zero_velocity: ZeroVelocity::new(0.01, 1.0).map_err(refused)?,
-        turning: 1.0,
-    };
-    let prior = Prior {
-        position: [1.0; 3],
-        velocity: [0.1; 3],
-        attitude: [0.01, 0.01, 0.1],
-        gyro_bias: [1e-7; 3],
-        accel_bias: [1e-3; 3],
-    };
     let (position, settings) = (filter.nav().position(), *filter.settings());
+    let plan = plan().map_err(refused)?;
     let mut alignment =
-        StandingAlignment::<16>::reusing(position, plan, prior, settings).map_err(refused)?;
+        StandingAlignment::<16>::reusing(position, plan, PRIOR, settings).map_err(refused)?;
     while alignment.filter().is_none() {
         alignment.take(&imu).map_err(refused)?;
     }
-    let mut state = (alignment, imu);
+    let mut state = (alignment, imu, standing::Progress::Coarse);
     while state.0.is_behind() {
         table.slice(
             "coarse window used again, dearest sample",
             "f32",
             &mut state,
-            |(alignment, imu)| alignment.take(imu),
+            |(alignment, imu, progress)| alignment.take_into(imu, progress),
         )?;
     }
     Ok(())

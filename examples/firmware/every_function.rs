@@ -14,7 +14,7 @@ use navsight::alignment::in_motion::InMotion;
 use navsight::alignment::levelling::Levelling;
 use navsight::alignment::north_bias::{self, NorthBias};
 use navsight::alignment::planner::{Manoeuvre, Planner, Rules};
-use navsight::alignment::standing::{Plan, StandingAlignment};
+use navsight::alignment::standing::{self, Plan, StandingAlignment};
 use navsight::alignment::stationary::{StationaryDetector, StationarySettings};
 use navsight::alignment::supervisor::Supervisor;
 use navsight::attitude::{self, Enu, Euler, Frd, FrdToNed, Ned, Rfu, RfuToEnu};
@@ -536,6 +536,7 @@ fn filters(nav: NavState) -> Result<(), Error> {
     keep(settings.check());
     keep(Filter::with_covariance(any(nav), &matrix(), settings));
     let mut filter = any(Filter::new(nav, &prior, settings)?);
+    keep(filter.restart(&any(nav), &prior, &settings));
     let mut gramian = Gramian::<f32, 15>::new();
     filter.propagate(&sample())?;
     filter.propagate_watched(&sample(), |t| gramian.propagate(&t.dense()))?;
@@ -699,7 +700,9 @@ fn alignments(filter: Filter, prior: Prior, settings: Settings) -> Result<(), Er
     planning(&filter, plan.zero_velocity)?;
     let mut standing = StandingAlignment::new(position, plan, prior, settings)?;
     keep(standing.take(&sample()));
-    keep(standing.filter().is_some());
+    let mut progress = any(standing::Progress::Coarse);
+    keep(standing.take_into(&sample(), &mut progress));
+    keep((standing.filter().is_some(), progress));
     let mut reusing = StandingAlignment::<64>::reusing(position, plan, prior, settings)?;
     keep(reusing.take(&sample()));
     keep((reusing.is_behind(), reusing.filter().is_some()));

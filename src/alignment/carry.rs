@@ -55,10 +55,15 @@ impl BiasBlock {
     /// # Errors
     /// Those of [`Filter::with_covariance`] and [`NavState::with_biases`].
     pub fn start(&self, nav: NavState, prior: &Prior, settings: Settings) -> Result<Filter, Error> {
-        let variances = prior.sigma0()?.map(|sigma| sigma * sigma);
-        let mut p0 = SMatrix::<f32, N, N>::from_diagonal(&SVector::from(variances));
-        p0.fixed_view_mut::<6, 6>(BG, BG).copy_from(&self.p);
-        Filter::with_covariance(nav.with_biases(self.b_g, self.b_a)?, &p0, settings)
+        let sigma0 = prior.sigma0()?;
+        let nav = nav.with_biases(self.b_g, self.b_a)?;
+        Filter::correlated(&nav, &settings, |i, j| {
+            match (i.checked_sub(BG), j.checked_sub(BG)) {
+                (Some(row), Some(column)) => self.p.get((row, column)).copied().unwrap_or_default(),
+                _ if i == j => sigma0.get(i).map_or(0.0, |sigma| sigma * sigma),
+                _ => 0.0,
+            }
+        })
     }
 }
 

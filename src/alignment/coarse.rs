@@ -81,23 +81,37 @@ impl CoarseAlignment {
     ///
     /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`], [`Error::Polar`] for a position that cannot be.
     pub fn new(position: &Geodetic, limits: ImuLimits) -> Result<Self, Error> {
+        let (lat, gravity) = Self::place(position)?;
+        Ok(Self::at(lat, gravity, limits))
+    }
+
+    /// Latitude and gravity of a place that can be.
+    #[inline(never)]
+    pub(super) fn place(position: &Geodetic) -> Result<(f32, f32), Error> {
         position.check()?;
         let lat = position.lat as f32;
         if lat.abs() > MAX_LATITUDE {
             return Err(Error::Polar);
         }
-        Ok(Self {
+        Ok((lat, normal_gravity(libm::sinf(lat), position.height as f32)))
+    }
+
+    /// [`CoarseAlignment::new`] of what [`CoarseAlignment::place`] gives; written where it is wanted.
+    #[inline(always)]
+    pub(super) fn at(lat: f32, gravity: f32, limits: ImuLimits) -> Self {
+        let zero = Two { hi: 0.0, lo: 0.0 };
+        Self {
             lat,
-            gravity: normal_gravity(libm::sinf(lat), position.height as f32),
+            gravity,
             limits,
             frame: InertialFrame::new(),
-            v: [Two::of(0.0); 3],
-            f_ref: Vector3::zeros(),
+            v: [zero; 3],
+            f_ref: Vector3::new(0.0, 0.0, 0.0),
             points: Vec::new(),
             stride: 0,
             since_point: 0,
-            time: Two::of(0.0),
-        })
+            time: zero,
+        }
     }
 
     /// Seconds gathered.

@@ -16,11 +16,12 @@ pub(super) struct InertialFrame {
 
 impl InertialFrame {
     /// Begins with the next sample.
+    #[inline(always)]
     pub fn new() -> Self {
-        let zero = Two::of(0.0);
+        let zero = Two { hi: 0.0, lo: 0.0 };
         Self {
             corrections: ConingSculling::NEW,
-            q: [Two::of(1.0), zero, zero, zero],
+            q: [Two { hi: 1.0, lo: 0.0 }, zero, zero, zero],
         }
     }
 

@@ -17,7 +17,7 @@ use crate::attitude::Euler;
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
 use crate::error_model::ATT;
-use crate::filter::{Filter, Prior, Settings};
+use crate::filter::{Filter, Prior, Settings, UpdateReport};
 use crate::imu::{ImuIncrement, ImuLimits};
 use crate::linalg::Two;
 use crate::measurement::ZeroRotation;
@@ -66,17 +66,20 @@ pub struct Levelling {
 
 impl Levelling {
     /// A window that begins with the next sample.
+    #[inline(always)]
     pub fn new(limits: ImuLimits) -> Self {
+        let zero = Two { hi: 0.0, lo: 0.0 };
+        let none = Vector3::new(0.0, 0.0, 0.0);
         Self {
             limits,
-            delta_theta: [Two::of(0.0); 3],
-            delta_v: [Two::of(0.0); 3],
-            time: Two::of(0.0),
-            block_v: Vector3::zeros(),
+            delta_theta: [zero; 3],
+            delta_v: [zero; 3],
+            time: zero,
+            block_v: none,
             block_dt: 0.0,
             blocks: 0,
-            mean: Vector3::zeros(),
-            square: Vector3::zeros(),
+            mean: none,
+            square: none,
         }
     }
 
@@ -161,6 +164,29 @@ impl Levelling {
         prior: &Prior,
         settings: Settings,
     ) -> Result<(Level, Filter), Error> {
+        let ready = self.ready(position, outside, prior, &settings)?;
+        let nav = NavState::new(position, Vector3::zeros(), ready.euler)?;
+        let prior = Prior {
+            attitude: ready.attitude,
+            ..*prior
+        };
+        let mut filter = Filter::new(nav, &prior, settings)?;
+        if outside.is_none() {
+            filter.consider(HEADING);
+        }
+        learn(&mut filter, &ready.still, &mut UpdateReport::empty())?;
+        Ok((ready.level, filter))
+    }
+
+    /// What a filter starts with after the window.
+    #[inline(never)]
+    pub(super) fn ready(
+        &self,
+        position: Geodetic,
+        outside: Option<&OutsideHeading>,
+        prior: &Prior,
+        settings: &Settings,
+    ) -> Result<Ready, Error> {
         let local = Local::at(position.lat as f32, position.height as f32);
         let level = self.solve(local.gravity)?;
         let (pitch, roll) = (level.pitch, level.roll);
@@ -171,24 +197,39 @@ impl Levelling {
             }
             None => (0.0, UNKNOWN_HEADING),
         };
-        let euler = Euler {
-            heading,
-            pitch,
-            roll,
-        };
-        let mut prior = *prior;
         let [east, north, _] = prior.attitude;
-        prior.attitude = [east.max(level.sigma), north.max(level.sigma), sigma];
-        let nav = NavState::new(position, Vector3::zeros(), euler)?;
-        let mut filter = Filter::new(nav, &prior, settings)?;
-        if outside.is_none() {
-            filter.consider(HEADING);
-        }
         // The mean rate is the gyro bias and the earth rate. As a measurement, and not as a better prior: what the heading is
         // wrong by is in the bias then, and the two cancel in all that follows.
         let noise = libm::sqrtf(settings.noise.attitude / self.time());
-        let still = ZeroRotation::new(level.rate, noise.max(MIN_RATE_SIGMA), 0.0)?;
-        filter.update(&still.linearize(filter.nav()))?;
-        Ok((level, filter))
+        Ok(Ready {
+            euler: Euler {
+                heading,
+                pitch,
+                roll,
+            },
+            attitude: [east.max(level.sigma), north.max(level.sigma), sigma],
+            still: ZeroRotation::new(level.rate, noise.max(MIN_RATE_SIGMA), 0.0)?,
+            level,
+        })
     }
+}
+
+/// What a filter starts with after a window.
+pub(super) struct Ready {
+    pub level: Level,
+    pub euler: Euler,
+    /// σ of the attitude.
+    pub attitude: [f32; 3],
+    /// What it is to learn first.
+    pub still: ZeroRotation,
+}
+
+/// Teaches a filter that has just started the mean rate of the window.
+#[inline(never)]
+pub(super) fn learn(
+    filter: &mut Filter,
+    still: &ZeroRotation,
+    report: &mut UpdateReport<3>,
+) -> Result<(), Error> {
+    filter.update_into(&still.linearize(filter.nav()), report)
 }

@@ -19,14 +19,14 @@
 
 use super::coarse::{CoarseAlignment, CoarseSolution, UNKNOWN_HEADING};
 use super::heading_source::{choose, earth_rate_sigma, HeadingSource, OutsideHeading};
-use super::levelling::{Level, Levelling};
+use super::levelling::{learn, Level, Levelling};
 use super::window::Window;
 use crate::attitude::Euler;
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
-use crate::filter::{Filter, Prior, Settings, UpdateReport};
-use crate::imu::ImuIncrement;
-use crate::measurement::ZeroVelocity;
+use crate::filter::{Filter, Prior, Settings, Start, UpdateReport};
+use crate::imu::{ImuIncrement, ImuLimits};
+use crate::measurement::{ZeroRotation, ZeroVelocity};
 use crate::nav::NavState;
 use nalgebra::Vector3;
 
@@ -74,14 +74,6 @@ pub enum Progress {
     Turning,
     /// A zero-velocity update was made.
     Updated(UpdateReport<3>),
-}
-
-/// What a filter starts with.
-struct Start {
-    solution: CoarseSolution,
-    euler: Euler,
-    prior: Prior,
-    source: HeadingSource,
 }
 
 /// The alignment of a standing vehicle; K sums of the coarse window are kept for the filter.
@@ -161,18 +153,24 @@ impl StandingAlignment {
         settings: Settings,
         outside: Option<OutsideHeading>,
     ) -> Result<Self, Error> {
-        let mut alignment = Self::new(position, plan, prior, settings)?;
+        let place = check(&position, &plan, &prior, &settings)?;
         let [x, y, z] = prior.gyro_bias;
-        alignment.earth_rate_sigma = earth_rate_sigma(
+        let sigma = earth_rate_sigma(
             position.lat as f32,
             x.max(y).max(z),
             libm::sqrtf(settings.noise.attitude),
             plan.coarse_duration,
         );
-        alignment.source = choose(alignment.earth_rate_sigma, outside.as_ref());
-        alignment.outside = outside;
-        alignment.stage = alignment.window()?;
-        Ok(alignment)
+        let given = Given {
+            source: choose(sigma, outside.as_ref()),
+            earth_rate_sigma: sigma,
+            outside,
+        };
+        let stage = match given.source {
+            HeadingSource::EarthRate => Stage::coarse(place, settings.limits),
+            _ => Stage::Level(Levelling::new(settings.limits)),
+        };
+        Ok(Self::at(position, plan, prior, settings, given, stage))
     }
 
     /// Starts with an attitude from elsewhere: no coarse window, the filter runs at once.
@@ -180,10 +178,42 @@ impl StandingAlignment {
     /// Errors: as [`StandingAlignment::new`].
     pub fn from_filter(filter: Filter, plan: Plan, prior: Prior) -> Result<Self, Error> {
         let (position, settings) = (filter.nav().position(), *filter.settings());
-        let mut alignment = Self::new(position, plan, prior, settings)?;
-        alignment.source = HeadingSource::Outside;
-        alignment.stage = Stage::Fine(filter);
-        Ok(alignment)
+        check(&position, &plan, &prior, &settings)?;
+        let given = Given {
+            source: HeadingSource::Outside,
+            earth_rate_sigma: 0.0,
+            outside: None,
+        };
+        let stage = Stage::Fine(filter);
+        Ok(Self::at(position, plan, prior, settings, given, stage))
+    }
+}
+
+/// What is known of the heading before the first sample.
+struct Given {
+    source: HeadingSource,
+    earth_rate_sigma: f32,
+    outside: Option<OutsideHeading>,
+}
+
+/// Refuses what cannot be; latitude and gravity of the place.
+#[inline(never)]
+fn check(
+    position: &Geodetic,
+    plan: &Plan,
+    prior: &Prior,
+    settings: &Settings,
+) -> Result<(f32, f32), Error> {
+    plan.check()?;
+    Start::new().fill(prior, settings)?;
+    CoarseAlignment::place(position)
+}
+
+impl Stage {
+    /// An inertial-frame window at a place that can be.
+    #[inline(always)]
+    fn coarse((lat, gravity): (f32, f32), limits: ImuLimits) -> Self {
+        Stage::Coarse(CoarseAlignment::at(lat, gravity, limits))
     }
 }
 
@@ -199,27 +229,44 @@ impl<const K: usize> StandingAlignment<K> {
         prior: Prior,
         settings: Settings,
     ) -> Result<Self, Error> {
-        plan.check()?;
-        prior.sigma0()?;
-        settings.check()?;
-        let stage = Stage::Coarse(CoarseAlignment::new(&position, settings.limits)?);
-        Ok(Self {
+        let place = check(&position, &plan, &prior, &settings)?;
+        let given = Given {
+            source: HeadingSource::EarthRate,
+            earth_rate_sigma: 0.0,
+            outside: None,
+        };
+        let stage = Stage::coarse(place, settings.limits);
+        Ok(Self::at(position, plan, prior, settings, given, stage))
+    }
+
+    /// Spelled out, and no reference to the whole of it taken: so that it is written where it is wanted, and not somewhere
+    /// else and moved.
+    #[inline(always)]
+    fn at(
+        position: Geodetic,
+        plan: Plan,
+        prior: Prior,
+        settings: Settings,
+        given: Given,
+        stage: Stage,
+    ) -> Self {
+        Self {
             position,
             plan,
             prior,
             settings,
-            outside: None,
-            source: HeadingSource::EarthRate,
-            earth_rate_sigma: 0.0,
+            outside: given.outside,
+            source: given.source,
+            earth_rate_sigma: given.earth_rate_sigma,
             level: None,
             stage,
-            turned: Vector3::zeros(),
+            turned: Vector3::new(0.0, 0.0, 0.0),
             waited: 0.0,
             window: Window::new(plan.zero_velocity.interval()),
             behind: None,
             shaken: 0.0,
             of_window: 0,
-        })
+        }
     }
 
     /// Where the heading comes from.
@@ -244,17 +291,6 @@ impl<const K: usize> StandingAlignment<K> {
         }
     }
 
-    /// An empty window of the kind that is needed.
-    fn window(&self) -> Result<Stage, Error> {
-        let limits = self.settings.limits;
-        Ok(match self.source {
-            HeadingSource::EarthRate => {
-                Stage::Coarse(CoarseAlignment::new(&self.position, limits)?)
-            }
-            HeadingSource::Outside | HeadingSource::Nobody => Stage::Level(Levelling::new(limits)),
-        })
-    }
-
     /// The filter, once it runs.
     pub fn filter(&self) -> Option<&Filter> {
         match &self.stage {
@@ -268,33 +304,43 @@ impl<const K: usize> StandingAlignment<K> {
     /// Errors: those of [`Filter::propagate`] and [`Filter::update`]; a sample that is refused at the door has changed
     /// nothing. [`Error::OutOfRange`] at the end of the coarse window: what it saw was not a standing vehicle; the
     /// window then begins anew.
+    #[inline]
     pub fn take(&mut self, imu: &ImuIncrement) -> Result<Progress, Error> {
-        match &mut self.stage {
+        let mut progress = Progress::Between;
+        self.take_into(imu, &mut progress)?;
+        Ok(progress)
+    }
+
+    /// As [`StandingAlignment::take`], with what the sample led to written where the caller has room for it: a report and
+    /// its stack less. After an error it may say anything.
+    ///
+    /// Errors: those of [`StandingAlignment::take`].
+    pub fn take_into(&mut self, imu: &ImuIncrement, progress: &mut Progress) -> Result<(), Error> {
+        let time = match &mut self.stage {
             Stage::Coarse(coarse) => {
                 coarse.take(imu)?;
                 self.window.add(imu);
-                if coarse.time() < self.plan.coarse_duration {
-                    return Ok(Progress::Coarse);
-                }
-                self.close_window()
+                coarse.time()
             }
             Stage::Level(level) => {
                 level.take(imu)?;
-                if level.time() < self.plan.coarse_duration {
-                    return Ok(Progress::Coarse);
-                }
-                self.close_window()
+                level.time()
             }
-            Stage::Fine(_) if self.behind.is_some() => {
+            Stage::Fine(filter) if K == 0 || self.behind.is_none() => {
+                filter.propagate(imu)?;
+                return self.stand(imu, imu.dt, progress);
+            }
+            Stage::Fine(_) => {
                 imu.check(&self.settings.limits)?;
                 self.window.add(imu);
-                self.catch_up(4.0 * imu.dt)
+                return self.catch_up(4.0 * imu.dt, progress);
             }
-            Stage::Fine(filter) => {
-                filter.propagate(imu)?;
-                self.stand(imu, imu.dt)
-            }
+        };
+        if time < self.plan.coarse_duration {
+            *progress = Progress::Coarse;
+            return Ok(());
         }
+        self.close_window(progress)
     }
 
     /// Whether the filter is still in the past, with the samples of the coarse window before it.
@@ -303,64 +349,78 @@ impl<const K: usize> StandingAlignment<K> {
     }
 
     /// The filter has moved by this: an update where one is due. `sample`: length of a step [s].
-    fn stand(&mut self, moved: &ImuIncrement, sample: f32) -> Result<Progress, Error> {
+    #[inline(never)]
+    fn stand(
+        &mut self,
+        moved: &ImuIncrement,
+        sample: f32,
+        progress: &mut Progress,
+    ) -> Result<(), Error> {
+        *progress = Progress::Between;
         let Stage::Fine(filter) = &mut self.stage else {
-            return Ok(Progress::Between);
+            return Ok(());
         };
         self.turned += moved.delta_theta_b;
         self.waited += moved.dt;
         // Half a sample early rather than half a sample late, whatever the rounding of the sum.
         if self.waited + 0.5 * sample < self.plan.zero_velocity.interval() {
-            return Ok(Progress::Between);
+            return Ok(());
         }
         let turning = self.turned.norm() > self.plan.turning * self.waited;
-        self.turned = Vector3::zeros();
+        self.turned = Vector3::new(0.0, 0.0, 0.0);
         self.waited = 0.0;
         if turning {
-            return Ok(Progress::Turning);
+            *progress = Progress::Turning;
+            return Ok(());
         }
         let mut measurement = self.plan.zero_velocity.linearize(filter.nav());
         if self.of_window > 0 {
-            measurement.r.apply(|r| *r = r.max(self.shaken));
+            for r in &mut measurement.r.data.0[0] {
+                *r = r.max(self.shaken);
+            }
         }
-        let mut progress = Progress::Updated(UpdateReport::empty());
-        if let Progress::Updated(report) = &mut progress {
-            filter.update_into(&measurement, report)?;
+        *progress = Progress::Updated(UpdateReport::empty());
+        match progress {
+            Progress::Updated(report) => filter.update_into(&measurement, report),
+            _ => Ok(()),
         }
-        Ok(progress)
     }
 
     /// Takes the filter through the window for this time [s], and at least one step; no further than to the next update.
-    fn catch_up(&mut self, time: f32) -> Result<Progress, Error> {
+    #[inline(never)]
+    fn catch_up(&mut self, time: f32, progress: &mut Progress) -> Result<(), Error> {
+        *progress = Progress::Between;
         let mut done = 0.0;
         while done < time {
-            let Some(mut part) = self.behind else {
-                return Ok(Progress::Between);
+            let (Some(part), Stage::Fine(filter)) = (&mut self.behind, &mut self.stage) else {
+                break;
             };
-            if let Stage::Fine(filter) = &mut self.stage {
-                filter.propagate(&part.step)?;
-            }
+            filter.propagate(&part.step)?;
             done += part.step.dt;
             part.left = part.left.saturating_sub(1);
             if part.left > 0 {
-                self.behind = Some(part);
                 continue;
             }
             // The sums were closed within half a sample of the interval.
-            self.behind = self.next_part();
-            let progress = self.stand(&part.whole, part.step.dt);
+            let (whole, sample) = (part.whole, part.step.dt);
+            self.next_part();
+            let stood = self.stand(&whole, sample, progress);
             self.of_window = self.of_window.saturating_sub(1);
-            let progress = progress?;
-            if progress != Progress::Between {
-                return Ok(progress);
+            stood?;
+            if !matches!(progress, Progress::Between) {
+                break;
             }
         }
-        Ok(Progress::Between)
+        Ok(())
     }
 
-    /// The next sum of the window, or what is open.
-    fn next_part(&mut self) -> Option<Part> {
-        let whole = self.window.pop().or_else(|| self.window.pop_open())?;
+    /// Goes on to the next sum of the window, or what is open.
+    #[inline(never)]
+    fn next_part(&mut self) {
+        let Some(whole) = self.window.pop().or_else(|| self.window.pop_open()) else {
+            self.behind = None;
+            return;
+        };
         let step = self.settings.propagation_interval.clamp(0.01, 0.1);
         let steps = libm::ceilf(whole.dt / step.min(self.settings.limits.dt_max) - 0.01).max(1.0);
         let share = 1.0 / steps;
@@ -369,71 +429,111 @@ impl<const K: usize> StandingAlignment<K> {
             delta_v_b: whole.delta_v_b * share,
             dt: whole.dt * share,
         };
-        Some(Part {
+        self.behind = Some(Part {
             whole,
             step,
             left: steps as u16,
-        })
+        });
     }
 
     /// Solves the window and starts the filter, or begins a new window.
     #[inline(never)] // so that a sample has none of its stack
-    fn close_window(&mut self) -> Result<Progress, Error> {
+    fn close_window(&mut self, progress: &mut Progress) -> Result<(), Error> {
         let started = match &self.stage {
-            Stage::Level(level) if self.source == HeadingSource::Nobody => {
-                let local = Local::at(self.position.lat as f32, self.position.height as f32);
-                let level = level.solve(local.gravity);
-                self.anew()?;
-                self.level = Some(level?);
-                return Ok(Progress::Coarse);
+            Stage::Coarse(_) => self.gyrocompass(progress),
+            Stage::Level(_) if self.source == HeadingSource::Nobody => {
+                return self.level_again(progress);
             }
-            Stage::Coarse(coarse) => coarse
-                .solve()
-                .and_then(|found| self.gyrocompass(coarse, found))
-                .and_then(|start| self.begin(start)),
-            Stage::Level(_) => self.begin_levelled(),
-            Stage::Fine(_) => return Ok(Progress::Between),
+            Stage::Level(_) => self.begin_levelled(progress),
+            Stage::Fine(_) => return Ok(()),
         };
-        match started {
-            Ok(solution) => {
-                self.shaken = solution.motion * solution.motion;
-                // the open one is the last
-                self.of_window = if K > 0 { self.window.len() + 1 } else { 0 };
-                self.behind = self.next_part();
-                Ok(Progress::Started(solution))
-            }
-            Err(error) => {
-                self.anew()?;
-                self.window = Window::new(self.plan.zero_velocity.interval());
-                Err(error)
-            }
+        if let Err(error) = started {
+            self.anew()?;
+            self.window.clear(self.plan.zero_velocity.interval());
+            return Err(error);
         }
+        if let Progress::Started(solution) = progress {
+            self.shaken = solution.motion * solution.motion;
+        }
+        if K > 0 {
+            // the open one is the last
+            self.of_window = self.window.len() + 1;
+            self.next_part();
+        }
+        Ok(())
     }
 
-    /// Begins another window.
+    /// Nobody knows the heading: keeps the level, and another window begins.
+    #[inline(never)]
+    fn level_again(&mut self, progress: &mut Progress) -> Result<(), Error> {
+        let Stage::Level(window) = &self.stage else {
+            return Ok(());
+        };
+        let local = Local::at(self.position.lat as f32, self.position.height as f32);
+        let level = window.solve(local.gravity);
+        self.anew()?;
+        self.level = Some(level?);
+        *progress = Progress::Coarse;
+        Ok(())
+    }
+
+    /// Begins another window, of the kind that is needed.
     #[inline(never)]
     fn anew(&mut self) -> Result<(), Error> {
-        self.stage = self.window()?;
+        let limits = self.settings.limits;
+        match self.source {
+            HeadingSource::EarthRate => {
+                let place = CoarseAlignment::place(&self.position)?;
+                self.stage = Stage::coarse(place, limits);
+            }
+            HeadingSource::Outside | HeadingSource::Nobody => {
+                self.stage = Stage::Level(Levelling::new(limits));
+            }
+        }
         Ok(())
     }
 
     /// Starts the filter after an inertial-frame window.
     #[inline(never)]
-    fn begin(&mut self, start: Start) -> Result<CoarseSolution, Error> {
-        let nav = NavState::new(self.position, Vector3::zeros(), start.euler)?;
-        self.stage = Stage::Fine(Filter::new(nav, &start.prior, self.settings)?);
-        self.source = start.source;
-        Ok(start.solution)
+    fn gyrocompass(&mut self, progress: &mut Progress) -> Result<(), Error> {
+        let (euler, attitude, source) = self.compass(progress)?;
+        self.run(euler, attitude)?;
+        self.source = source;
+        Ok(())
     }
 
-    /// How the filter starts after an inertial-frame window.
+    /// The filter takes the place of the window. `attitude`: its σ.
     #[inline(never)]
-    fn gyrocompass(
-        &self,
-        window: &CoarseAlignment,
-        mut solution: CoarseSolution,
-    ) -> Result<Start, Error> {
-        let mut prior = self.prior;
+    fn run(&mut self, euler: Euler, attitude: [f32; 3]) -> Result<(), Error> {
+        let mut start = Start::new();
+        self.known(attitude, &mut start)?;
+        match &NavState::new(self.position, Vector3::zeros(), euler) {
+            Ok(nav) => {
+                begin(&mut self.stage, nav, &start, &self.settings);
+                Ok(())
+            }
+            Err(error) => Err(*error),
+        }
+    }
+
+    /// What is known at the start, with this σ of the attitude.
+    #[inline(never)]
+    fn known(&self, attitude: [f32; 3], start: &mut Start) -> Result<(), Error> {
+        let prior = Prior {
+            attitude,
+            ..self.prior
+        };
+        start.fill(&prior, &self.settings)
+    }
+
+    /// What the inertial-frame window says: the attitude that the filter starts with, its σ, and whose heading it is.
+    #[inline(never)]
+    fn compass(&self, progress: &mut Progress) -> Result<(Euler, [f32; 3], HeadingSource), Error> {
+        let Stage::Coarse(window) = &self.stage else {
+            return Err(Error::OutOfRange);
+        };
+        let mut solution = window.solve()?;
+        let mut attitude = self.prior.attitude;
         let mut source = self.source;
         let mut euler = solution.euler();
         if let Some(outside) = &self.outside {
@@ -442,7 +542,7 @@ impl<const K: usize> StandingAlignment<K> {
                 euler.heading = angle.ok_or(Error::OutOfRange)?;
                 solution.c_b_n = euler.c_b_n();
                 solution.sigma_heading = outside.sigma();
-                prior.attitude[2] = outside.sigma();
+                attitude[2] = outside.sigma();
                 source = HeadingSource::Outside;
             }
         }
@@ -452,38 +552,57 @@ impl<const K: usize> StandingAlignment<K> {
             HeadingSource::Outside => solution.sigma_heading,
             _ => (wider * solution.sigma_heading).min(UNKNOWN_HEADING),
         };
-        for (sigma, least) in prior.attitude.iter_mut().zip([level, level, heading]) {
+        for (sigma, least) in attitude.iter_mut().zip([level, level, heading]) {
             *sigma = sigma.max(least);
         }
         if K > 0 {
             euler = Euler::from_c_b_n(&window.at_start(&solution.c_b_n));
         }
-        Ok(Start {
-            solution,
-            euler,
-            prior,
-            source,
-        })
+        *progress = Progress::Started(solution);
+        Ok((euler, attitude, source))
     }
 
     /// Starts the filter after a window of plain means.
     #[inline(never)]
-    fn begin_levelled(&mut self) -> Result<CoarseSolution, Error> {
-        let (Stage::Level(window), Some(outside)) = (&self.stage, &self.outside) else {
-            return Err(Error::OutOfRange);
+    fn begin_levelled(&mut self, progress: &mut Progress) -> Result<(), Error> {
+        let (level, still) = self.start_levelled()?;
+        let (Stage::Fine(filter), Some(outside)) = (&mut self.stage, &self.outside) else {
+            return Err(Error::OutOfRange); // never: it has just been started
         };
-        let (level, filter) =
-            window.start(self.position, Some(outside), &self.prior, self.settings)?;
+        // the room of a report that nobody sees
+        *progress = Progress::Updated(UpdateReport::empty());
+        if let Progress::Updated(report) = progress {
+            learn(filter, &still, report)?;
+        }
         let local = Local::at(self.position.lat as f32, self.position.height as f32);
-        let solution = CoarseSolution {
+        *progress = Progress::Started(CoarseSolution {
             c_b_n: filter.nav().c_b_n(),
             sigma_heading: outside.sigma(),
             sigma_level: level.sigma,
             motion: 0.0,
             gravity_ratio: level.force / local.gravity,
             earth_rate_ratio: 0.0,
+        });
+        Ok(())
+    }
+
+    /// The filter takes the place of the window; the mean rate is still to be learnt.
+    #[inline(never)]
+    fn start_levelled(&mut self) -> Result<(Level, ZeroRotation), Error> {
+        let (Stage::Level(window), Some(outside)) = (&self.stage, &self.outside) else {
+            return Err(Error::OutOfRange);
         };
-        self.stage = Stage::Fine(filter);
-        Ok(solution)
+        let ready = window.ready(self.position, Some(outside), &self.prior, &self.settings)?;
+        self.run(ready.euler, ready.attitude)?;
+        Ok((ready.level, ready.still))
+    }
+}
+
+/// The filter takes the place of the window.
+#[inline(never)]
+fn begin(stage: &mut Stage, nav: &NavState, start: &Start, settings: &Settings) {
+    *stage = Stage::Fine(Filter::blank(nav, start, settings));
+    if let Stage::Fine(filter) = stage {
+        filter.begin();
     }
 }

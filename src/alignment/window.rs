@@ -22,11 +22,13 @@ struct Sum {
 }
 
 impl Sum {
+    #[inline(always)]
     fn new() -> Self {
+        let zero = Two { hi: 0.0, lo: 0.0 };
         Self {
             frame: InertialFrame::new(),
-            v: [Two::default(); 3],
-            dt: Two::default(),
+            v: [zero; 3],
+            dt: zero,
         }
     }
 
@@ -95,6 +97,7 @@ pub(super) struct Window<const K: usize> {
 
 impl<const K: usize> Window<K> {
     /// Empty; sums of this length [s].
+    #[inline(always)]
     pub fn new(length: f32) -> Self {
         Self {
             length,
@@ -136,27 +139,41 @@ impl<const K: usize> Window<K> {
         self.count += 1;
     }
 
+    /// Begins anew, with sums of this length [s].
+    pub fn clear(&mut self, length: f32) {
+        self.length = length;
+        self.sums.clear();
+        (self.first, self.count) = (0, 0);
+        self.open = Sum::new();
+    }
+
     /// Adds up neighbours. The oldest is in the first place as long as nothing has been taken out.
+    #[inline(never)] // so that a sample has none of its stack
     fn thin(&mut self) {
-        let mut pairs = Vec::new();
-        let mut left = None;
-        for pair in self.sums.chunks(2) {
-            match pair {
-                [a, b] => {
-                    let _ = pairs.push(joined(a, b)); // half as many
-                }
-                _ => left = pair.first(),
+        let half = self.sums.len() / 2;
+        let odd = self.sums.len() > 2 * half;
+        for k in 0..half {
+            if let Some([a, b]) = self.sums.get(2 * k..2 * k + 2) {
+                let pair = joined(a, b);
+                self.put(k, pair);
             }
         }
-        if let Some(left) = left {
+        if let (true, Some(left)) = (odd, self.sums.last()) {
             // an odd one at the end: with the open sum, which is full, it makes a pair
-            let open = self.open.close();
-            let _ = pairs.push(joined(left, &open));
+            let pair = joined(left, &self.open.close());
+            self.put(half, pair);
         }
-        self.sums = pairs;
+        self.count = half + usize::from(odd);
+        self.sums.truncate(self.count);
         self.first = 0;
-        self.count = self.sums.len();
         self.length *= 2.0;
+    }
+
+    /// Where there is a sum already.
+    fn put(&mut self, place: usize, sum: ImuIncrement) {
+        if let Some(to) = self.sums.get_mut(place) {
+            *to = sum;
+        }
     }
 
     /// Closed sums.

@@ -57,10 +57,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             return Err(Error::Variance { state: state as u8 });
         }
         let mut p = Self::zero();
-        for (j, v) in looped(variance).iter().enumerate() {
-            rolled();
-            p.set_variance(j, *v);
-        }
+        Self::pack_variances(variance, &mut p.hi);
         Ok(p)
     }
 
@@ -90,21 +87,45 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// [`Error::NonFinite`], or [`Error::NotPositive`] naming the row where symmetry or the factorisation failed.
     pub fn from_matrix(p: &SMatrix<T, N, N>) -> Result<Self, Error> {
         const { Self::SIZE };
-        if p.iter().any(|x| !x.finite()) {
+        let p = |i: usize, j: usize| p.get((i, j)).copied().unwrap_or_else(T::zero);
+        let mut packed = Self::zero();
+        Self::pack(p, &mut packed.hi)?;
+        Ok(packed)
+    }
+
+    /// The high words of the matrix with these elements, if [`Covariance::from_matrix`] accepts it: the mean of its two
+    /// halves. After an error they mean nothing.
+    #[inline(never)]
+    pub(crate) fn pack(p: impl Fn(usize, usize) -> T, words: &mut [T; L]) -> Result<(), Error> {
+        if !(0..N).all(|j| (0..N).all(|i| p(i, j).finite())) {
             return Err(Error::NonFinite);
         }
-        check_positive(p)?;
-        let mut packed = Self::zero();
-        let half = T::of(0.5);
-        for (j, column) in p.column_iter().enumerate() {
-            let row = p.row(j);
-            for (i, (a, b)) in column.iter().zip(row.iter()).enumerate().take(j + 1) {
-                if let Some(e) = packed.hi.get_mut(upper(i, j)) {
-                    *e = half * (*a + *b);
-                }
+        check_positive::<T, N>(&p, words)?;
+        let places = (0..N).flat_map(|j| (0..=j).map(move |i| (i, j)));
+        for (word, (i, j)) in words.iter_mut().zip(places) {
+            *word = T::of(0.5) * (p(i, j) + p(j, i));
+        }
+        Ok(())
+    }
+
+    /// Into packed words that are zero: the variances of independent states.
+    #[inline(always)]
+    pub(crate) fn pack_variances(variance: &[T; N], words: &mut [T; L]) {
+        for (j, variance) in looped(variance).iter().enumerate() {
+            rolled();
+            if let Some(word) = words.get_mut(upper(j, j)) {
+                *word = *variance;
             }
         }
-        Ok(packed)
+    }
+
+    /// Of packed high words.
+    #[inline(always)]
+    pub(crate) fn of_packed(hi: &[T; L]) -> Self {
+        Self {
+            hi: *hi,
+            lo: [T::zero(); L],
+        }
     }
 
     /// Variance of state `i`; NaN when there is no such state.
@@ -192,23 +213,25 @@ pub(super) fn column<T: Real, const N: usize>(words: &[T], j: usize) -> [T; N] {
     })
 }
 
-/// Symmetric and positive semi-definite to rounding, by Cholesky without pivoting.
-fn check_positive<T: Real, const N: usize>(p: &SMatrix<T, N, N>) -> Result<(), Error> {
+/// Symmetric and positive semi-definite to rounding, by Cholesky without pivoting. `room`: as many words as a packed
+/// triangle has, for the transposed factor.
+#[inline(always)]
+fn check_positive<T: Real, const N: usize>(
+    p: &impl Fn(usize, usize) -> T,
+    room: &mut [T],
+) -> Result<(), Error> {
     let slack = T::of(8.0) * T::EPSILON;
     let deep = slack * T::of(N as f64);
-    let get =
-        |m: &SMatrix<T, N, N>, i: usize, j: usize| m.get((i, j)).copied().unwrap_or_else(T::zero);
-    // l: columns of L scaled by the root of their pivot, built in place
-    let mut l = SMatrix::<T, N, N>::zeros();
+    let get = |l: &[T], i: usize, k: usize| l.get(upper(k, i)).copied().unwrap_or_else(T::zero);
     for j in 0..N {
         let refuse = Err(Error::NotPositive { row: j as u8 });
-        let p_jj = get(p, j, j);
+        let p_jj = p(j, j);
         if p_jj < T::zero() {
             return refuse;
         }
         let mut pivot = p_jj;
         for k in 0..j {
-            pivot -= get(&l, j, k) * get(&l, j, k);
+            pivot -= get(room, j, k) * get(room, j, k);
         }
         let zero = pivot <= deep * p_jj;
         if pivot < -deep * p_jj {
@@ -216,14 +239,14 @@ fn check_positive<T: Real, const N: usize>(p: &SMatrix<T, N, N>) -> Result<(), E
         }
         let root = pivot.max(T::zero()).root();
         for i in j + 1..N {
-            let (lower, upper) = (get(p, i, j), get(p, j, i));
-            let scale = (p_jj * get(p, i, i).max(T::zero())).root();
-            if (lower - upper).abs() > slack * scale {
+            let (lower, upper_half) = (p(i, j), p(j, i));
+            let scale = (p_jj * p(i, i).max(T::zero())).root();
+            if (lower - upper_half).abs() > slack * scale {
                 return refuse;
             }
-            let mut x = T::of(0.5) * (lower + upper);
+            let mut x = T::of(0.5) * (lower + upper_half);
             for k in 0..j {
-                x -= get(&l, i, k) * get(&l, j, k);
+                x -= get(room, i, k) * get(room, j, k);
             }
             let x = if zero {
                 if x.abs() > deep.root() * scale {
@@ -233,8 +256,8 @@ fn check_positive<T: Real, const N: usize>(p: &SMatrix<T, N, N>) -> Result<(), E
             } else {
                 x / root
             };
-            if let Some(e) = l.get_mut((i, j)) {
-                *e = x;
+            if let Some(to) = room.get_mut(upper(j, i)) {
+                *to = x;
             }
         }
     }

@@ -113,33 +113,61 @@ impl<T: Real> Scaling<T> {
     }
 
     /// [`Scaling::new`] of units above zero and of a bias model and noise that have been checked.
+    #[inline(always)]
     pub(crate) fn of(unit: &[T; 15], bias: &BiasModel<T>, noise: &NoiseDensity<T>) -> Self {
-        let mut q = [T::zero(); 12];
+        let mut scaling = Self::blank(bias);
+        scaling.fill(unit, noise);
+        scaling
+    }
+
+    /// Room for one, which is still to be [filled](Scaling::fill).
+    #[inline(always)]
+    pub(crate) fn blank(bias: &BiasModel<T>) -> Self {
+        Self {
+            pos_pos: Matrix3::zeros(),
+            pos_vel: Vector3::zeros(),
+            vel_pos: Vector3::zeros(),
+            vel_vel: Matrix3::zeros(),
+            vel_att: Matrix3::zeros(),
+            vel_ba: Matrix3::zeros(),
+            att_att: Matrix3::zeros(),
+            minus_att_bg: Matrix3::zeros(),
+            bias: *bias,
+            q: [T::zero(); 12],
+        }
+    }
+
+    /// What follows from the units and the noise.
+    #[inline(never)]
+    pub(crate) fn fill(&mut self, unit: &[T; 15], noise: &NoiseDensity<T>) {
         let density = noise.diagonal();
         let states = looped(&density.data.0[0]).iter().zip(unit).skip(VEL);
-        for (q, (density, s)) in q.iter_mut().zip(states) {
+        for (q, (density, s)) in self.q.iter_mut().zip(states) {
             rolled();
             *q = *density / *s / *s;
         }
-        Self {
-            pos_pos: ratios(unit, POS, POS),
-            pos_vel: ratios(unit, POS, VEL).diagonal(),
-            vel_pos: ratios(unit, VEL, POS).diagonal(),
-            vel_vel: ratios(unit, VEL, VEL),
-            vel_att: ratios(unit, VEL, ATT),
-            vel_ba: ratios(unit, VEL, BA),
-            att_att: ratios(unit, ATT, ATT),
-            minus_att_bg: -ratios(unit, ATT, BG),
-            bias: *bias,
-            q,
+        ratios(&mut self.pos_pos, unit, POS, POS);
+        ratios(&mut self.vel_vel, unit, VEL, VEL);
+        ratios(&mut self.vel_att, unit, VEL, ATT);
+        ratios(&mut self.vel_ba, unit, VEL, BA);
+        ratios(&mut self.att_att, unit, ATT, ATT);
+        ratios(&mut self.minus_att_bg, unit, ATT, BG);
+        for x in looped_mut(self.minus_att_bg.data.0.as_flattened_mut()) {
+            rolled();
+            *x = -*x;
+        }
+        let states = unit.iter().zip(unit.iter().skip(VEL));
+        let to = self.pos_vel.iter_mut().zip(self.vel_pos.iter_mut());
+        for ((pos_vel, vel_pos), (pos, vel)) in to.zip(states) {
+            rolled();
+            (*pos_vel, *vel_pos) = (*vel / *pos, *pos / *vel);
         }
     }
 }
 
 /// Unit of each of three states, `columns` on, over that of each of three, `rows` on.
 #[inline(never)]
-fn ratios<T: Real>(unit: &[T; 15], rows: usize, columns: usize) -> Matrix3<T> {
-    let mut ratios = Matrix3::zeros();
+fn ratios<T: Real>(ratios: &mut Matrix3<T>, unit: &[T; 15], rows: usize, columns: usize) {
     let columns = unit.iter().skip(columns);
     for (to, column) in looped_mut(&mut ratios.data.0).iter_mut().zip(columns) {
         for (to, row) in to.iter_mut().zip(unit.iter().skip(rows)) {
@@ -147,7 +175,6 @@ fn ratios<T: Real>(unit: &[T; 15], rows: usize, columns: usize) -> Matrix3<T> {
             *to = *column / *row;
         }
     }
-    ratios
 }
 
 /// A = Φ − I and Q over an interval for the psi-angle model, first order, in σ0-normalised states:

@@ -35,13 +35,16 @@ use crate::covariance::Covariance15;
 use crate::error::Error;
 use crate::error_model::{block_transition_into, Environment, Interval, Scaling, N};
 use crate::imu::ImuIncrement;
-use crate::linalg::{looped_mut, rolled, BlockTransition, Real, Two};
+use crate::linalg::{each_state, looped_mut, rolled, BlockTransition, Real, Two};
 use crate::mechanization::Step;
 use crate::nav::NavState;
 use nalgebra::SMatrix;
 
 use room::Room;
 use update::MAX_MAGNITUDE;
+
+/// Words of a packed covariance.
+const WORDS: usize = N * (N + 1) / 2;
 
 /// The navigator and its filter.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +66,25 @@ impl Filter {
     ///
     /// Errors: [`Error::NonFinite`], [`Error::OutOfRange`] for a prior or a setting that cannot be.
     pub fn new(nav: NavState, prior: &Prior, settings: Settings) -> Result<Self, Error> {
-        Self::start(nav, &prior.sigma0()?, settings)
+        let mut start = Start::new();
+        start.fill(prior, &settings)?;
+        Ok(Self::started(&nav, &start, &settings))
+    }
+
+    /// [`Filter::new`] in the place of this filter, without room for a second one.
+    ///
+    /// Errors: those of [`Filter::new`]; the filter is then unchanged.
+    pub fn restart(
+        &mut self,
+        nav: &NavState,
+        prior: &Prior,
+        settings: &Settings,
+    ) -> Result<(), Error> {
+        let mut start = Start::new();
+        start.fill(prior, settings)?;
+        *self = Self::blank(nav, &start, settings);
+        self.begin();
+        Ok(())
     }
 
     /// A filter that starts at `nav` with the full covariance `p0` (15×15, SI, state order of [`crate::error_model`]).
@@ -74,8 +95,21 @@ impl Filter {
         p0: &SMatrix<f32, N, N>,
         settings: Settings,
     ) -> Result<Self, Error> {
-        let mut sigma0 = [0.0; N];
-        for (sigma, &var) in sigma0.iter_mut().zip(p0.diagonal().iter()) {
+        Self::correlated(&nav, &settings, |i, j| {
+            p0.get((i, j)).copied().unwrap_or_default()
+        })
+    }
+
+    /// [`Filter::with_covariance`] of the matrix with these elements.
+    #[inline(always)]
+    pub(crate) fn correlated(
+        nav: &NavState,
+        settings: &Settings,
+        p0: impl Fn(usize, usize) -> f32,
+    ) -> Result<Self, Error> {
+        let mut start = Start::new();
+        for (i, sigma) in start.unit.iter_mut().enumerate() {
+            let var = p0(i, i);
             if !var.finite() {
                 return Err(Error::NonFinite);
             }
@@ -84,51 +118,73 @@ impl Filter {
             }
             *sigma = libm::sqrtf(var);
         }
-        let unit = sigma0.map(unit_of);
-        let mut correlation = *p0;
-        for (mut column, &u) in correlation.column_iter_mut().zip(&unit) {
-            for (x, &v) in column.iter_mut().zip(&unit) {
-                *x = *x / u / v;
+        start.normalise();
+        let correlation = |i: usize, j: usize| {
+            let unit = |i: usize| start.unit.get(i).copied().unwrap_or(1.0);
+            if i == j {
+                // exactly one, whatever the root rounded to: ξ2 must start at 1
+                f32::from(start.normalised >> i & 1)
+            } else {
+                p0(i, j) / unit(j) / unit(i)
             }
-        }
-        for (i, &sigma) in sigma0.iter().enumerate() {
-            // exactly one, whatever the root rounded to: ξ2 must start at 1
-            if let Some(x) = correlation.get_mut((i, i)) {
-                *x = if sigma > 0.0 { 1.0 } else { 0.0 };
-            }
-        }
-        let covariance = Covariance15::from_matrix(&correlation)?;
-        let filter = Self::start(nav, &sigma0, settings)?;
-        Ok(Self {
-            covariance,
-            ..filter
-        })
+        };
+        let mut words = [0.0; WORDS];
+        Covariance15::pack(correlation, &mut words)?;
+        settings.check()?;
+        Ok(Self::with(nav, &start, settings, &words))
     }
 
-    /// With checked standard deviations, uncorrelated.
-    fn start(nav: NavState, sigma0: &[f32; N], settings: Settings) -> Result<Self, Error> {
-        settings.check()?;
-        let (mut unit, mut covariance, mut normalised) = (*sigma0, Covariance15::zero(), 0);
-        for (i, unit) in looped_mut(&mut unit).iter_mut().enumerate() {
-            rolled();
-            if *unit > 0.0 {
-                covariance.set_variance(i, 1.0);
-                normalised |= 1 << i;
-            }
-            *unit = unit_of(*unit);
+    /// [`Filter::new`] of what has been checked.
+    #[inline(always)]
+    fn started(nav: &NavState, start: &Start, settings: &Settings) -> Self {
+        let scaling = Scaling::of(&start.unit, &settings.bias, &settings.noise);
+        Self {
+            scaling,
+            ..Self::blank(nav, start, settings)
         }
-        Ok(Self {
-            nav,
+    }
+
+    /// With this covariance, packed.
+    #[inline(never)]
+    fn with(nav: &NavState, start: &Start, settings: &Settings, words: &[f32; WORDS]) -> Self {
+        let scaling = Scaling::of(&start.unit, &settings.bias, &settings.noise);
+        let covariance = Covariance15::of_packed(words);
+        Self {
             covariance,
-            scaling: Scaling::of(&unit, &settings.bias, &settings.noise),
-            sigma0: unit,
-            interval: Interval::default(),
+            scaling,
+            ..Self::blank(nav, start, settings)
+        }
+    }
+
+    /// A filter that is still to [begin](Filter::begin). Spelled out, and no reference to the whole of it taken: so that it
+    /// is written where it is wanted, and not somewhere else and moved.
+    #[inline(always)]
+    pub(crate) fn blank(nav: &NavState, start: &Start, settings: &Settings) -> Self {
+        let mut covariance = Covariance15::zero();
+        macro_rules! one {
+            ($i:literal) => {
+                covariance.set_variance($i, start.variance[$i]);
+            };
+        }
+        each_state!(one);
+        Self {
+            nav: *nav,
+            covariance,
+            scaling: Scaling::blank(&settings.bias),
+            sigma0: start.unit,
+            interval: Interval::empty(),
             room: Room::Transition(BlockTransition::identity()),
-            settings,
-            time: Two::of(0.0),
-            normalised,
+            settings: *settings,
+            time: Two { hi: 0.0, lo: 0.0 },
+            normalised: start.normalised,
             considered: 0,
-        })
+        }
+    }
+
+    /// What a filter of [`Filter::blank`] still lacks.
+    #[inline(always)]
+    pub(crate) fn begin(&mut self) {
+        self.scaling.fill(&self.sigma0, &self.settings.noise);
     }
 
     /// Takes one IMU sample: the nominal state advances, and the covariance with it once enough time has gathered.
@@ -293,14 +349,52 @@ impl Filter {
     }
 }
 
-/// Nobody looks on.
-fn unwatched(_: &BlockTransition<f32>) {}
+/// What a filter starts with, checked.
+pub(crate) struct Start {
+    /// Of each state.
+    unit: [f32; N],
+    /// Of each state, in its unit: 1, or 0 where nothing is to be learnt.
+    variance: [f32; N],
+    /// The same as bits.
+    normalised: u16,
+}
 
-/// Unit of a state that started with this standard deviation.
-fn unit_of(sigma: f32) -> f32 {
-    if sigma > 0.0 {
-        sigma
-    } else {
-        1.0
+impl Start {
+    /// Room for one.
+    #[inline(always)]
+    pub(crate) fn new() -> Self {
+        Self {
+            unit: [0.0; N],
+            variance: [0.0; N],
+            normalised: 0,
+        }
+    }
+
+    /// Refuses what [`Filter::new`] refuses.
+    #[inline(never)]
+    pub(crate) fn fill(&mut self, prior: &Prior, settings: &Settings) -> Result<(), Error> {
+        prior.sigma0_into(&mut self.unit)?;
+        self.normalise();
+        settings.check()
+    }
+
+    /// From standard deviations to units.
+    #[inline(always)]
+    fn normalise(&mut self) {
+        let states = looped_mut(&mut self.unit)
+            .iter_mut()
+            .zip(&mut self.variance);
+        for (i, (unit, variance)) in states.enumerate() {
+            rolled();
+            if *unit > 0.0 {
+                *variance = 1.0;
+                self.normalised |= 1 << i;
+            } else {
+                *unit = 1.0;
+            }
+        }
     }
 }
+
+/// Nobody looks on.
+fn unwatched(_: &BlockTransition<f32>) {}

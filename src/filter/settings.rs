@@ -64,6 +64,13 @@ impl Prior {
     /// The standard deviations in state order; refuses negative and non-finite ones.
     pub fn sigma0(&self) -> Result<[f32; N], Error> {
         let mut sigma0 = [0.0; N];
+        self.sigma0_into(&mut sigma0)?;
+        Ok(sigma0)
+    }
+
+    /// [`Prior::sigma0`] where there is room for it.
+    #[inline]
+    pub(super) fn sigma0_into(&self, sigma0: &mut [f32; N]) -> Result<(), Error> {
         let groups = [
             self.position,
             self.velocity,
@@ -85,6 +92,6 @@ impl Prior {
             }
             *to = sigma;
         }
-        Ok(sigma0)
+        Ok(())
     }
 }
