@@ -19,7 +19,7 @@ use crate::attitude::Euler;
 use crate::earth::{normal_gravity, omega_ie_n, Geodetic, MAX_LATITUDE};
 use crate::error::Error;
 use crate::imu::{ImuIncrement, ImuLimits};
-use crate::linalg::Two;
+use crate::linalg::{cross, divided, dot, minus, plus, product, product_transposed, scaled, Two};
 use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
@@ -126,7 +126,7 @@ impl CoarseAlignment {
         imu.check(&self.limits)?;
         let delta_v = self.frame.take(imu);
         if self.stride == 0 {
-            self.f_ref = delta_v / imu.dt;
+            self.f_ref = divided(&delta_v, imu.dt);
             // a stride of zero samples would mean that no point is ever due
             self.stride = ((SPACING / imu.dt) as u32).max(1);
         }
@@ -163,7 +163,8 @@ impl CoarseAlignment {
     /// counted how the body turned between, and the level frame has turned with the earth.
     pub fn at_start(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
         let omega = omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat));
-        rotation_by(&(omega * self.time.hi)) * c_b_n * self.frame.c_b_b0().transpose()
+        let turned = product(&rotation_by(&scaled(&omega, self.time.hi)), c_b_n);
+        product_transposed(&turned, &self.frame.c_b_b0())
     }
 
     /// Fits the window.
@@ -191,25 +192,30 @@ impl CoarseAlignment {
         let (mut norm1, mut norm2) = (0.0, 0.0);
         for (k, v) in self.points.iter().enumerate() {
             let (p1, p2) = basis(k);
-            sum0 += v;
-            sum1 += v * p1;
-            sum2 += v * p2;
+            sum0 = plus(&sum0, v);
+            sum1 = plus(&sum1, &scaled(v, p1));
+            sum2 = plus(&sum2, &scaled(v, p2));
             norm1 += p1 * p1;
             norm2 += p2 * p2;
         }
-        let (c0, c1, c2) = (sum0 / n, sum1 / norm1, sum2 / norm2);
-        let f = self.f_ref + c1 / half;
-        let turn = c2 * (2.0 / (half * half)); // ω_ie × f
-        let f_norm = f.norm();
+        let (c0, c1, c2) = (
+            divided(&sum0, n),
+            divided(&sum1, norm1),
+            divided(&sum2, norm2),
+        );
+        let f = plus(&self.f_ref, &divided(&c1, half));
+        let turn = scaled(&c2, 2.0 / (half * half)); // ω_ie × f
+        let f_norm = libm::sqrtf(dot(&f, &f));
         let gravity_ratio = f_norm / self.gravity;
-        let up = f / f_norm;
-        let east_part = turn - up * turn.dot(&up);
-        let east_norm = east_part.norm();
+        let up = divided(&f, f_norm);
+        let across_up = |x: &Vector3<f32>| minus(x, &scaled(&up, dot(x, &up)));
+        let east_part = across_up(&turn);
+        let east_norm = libm::sqrtf(dot(&east_part, &east_part));
         if !((0.9..=1.1).contains(&gravity_ratio) && east_norm > 0.0) {
             return Err(Error::OutOfRange);
         }
-        let east = east_part / east_norm;
-        let north = up.cross(&east);
+        let east = divided(&east_part, east_norm);
+        let north = cross(&up, &east);
 
         // Scatter along north turns the heading, scatter of the slope tilts the level. Residuals that follow each other
         // carry less than their number: (1 + ρ)/(1 − ρ) of a first-order sequence.
@@ -217,11 +223,11 @@ impl CoarseAlignment {
         let (mut square, mut product1) = (0.0, 0.0);
         for (k, v) in self.points.iter().enumerate() {
             let (p1, p2) = basis(k);
-            let residual = v - c0 - c1 * p1 - c2 * p2;
-            let level = residual - up * residual.dot(&up);
-            square += 0.5 * level.norm_squared();
+            let residual = minus(&minus(&minus(v, &c0), &scaled(&c1, p1)), &scaled(&c2, p2));
+            let level = across_up(&residual);
+            square += 0.5 * dot(&level, &level);
             if let Some(before) = previous.replace(level) {
-                product1 += 0.5 * level.dot(&before);
+                product1 += 0.5 * dot(&level, &before);
             }
         }
         let rho = (product1 / square).clamp(0.0, 0.99);
@@ -232,11 +238,14 @@ impl CoarseAlignment {
         let sigma_level = libm::sqrtf(var / norm1) / half / f_norm;
 
         // From the middle of the points to the last one the level frame has turned with the earth.
-        let c_middle = Matrix3::from_rows(&[east.transpose(), north.transpose(), up.transpose()]);
+        let c_middle = Matrix3::new(
+            east.x, east.y, east.z, north.x, north.y, north.z, up.x, up.y, up.z,
+        );
         let omega = omega_ie_n(libm::sinf(self.lat), libm::cosf(self.lat));
         let late = (self.time.hi / samples) * self.since_point as f32;
+        let c_b0_n = product(&rotation_by(&scaled(&omega, -(half + late))), &c_middle);
         Ok(CoarseSolution {
-            c_b_n: rotation_by(&(omega * -(half + late))) * c_middle * self.frame.c_b_b0(),
+            c_b_n: product(&c_b0_n, &self.frame.c_b_b0()),
             sigma_heading: (sigma_turn / expected).min(UNKNOWN_HEADING),
             sigma_level,
             motion: libm::sqrtf(scatter.max(var * spacing)),

@@ -23,7 +23,10 @@ use crate::attitude::{Enu, Euler};
 use crate::error::Error;
 use crate::filter::ring::Ring;
 use crate::imu::{ImuIncrement, ImuLimits};
-use crate::linalg::{skew, Two};
+use crate::linalg::{
+    all_finite, cross, divided, dot, minus, plus, product, product_transposed, scaled, skew,
+    transformed, Two,
+};
 
 /// Fewest pairs that an attitude is made from.
 pub const MIN_PAIRS: u16 = 5;
@@ -157,7 +160,7 @@ impl<const K: usize> InMotion<K> {
     /// [`Error::NonFinite`]; [`Error::Late`] for a time that is no longer remembered, [`Error::Time`] for one to come.
     pub fn velocity(&mut self, time: f64, v_n: impl Into<Enu>) -> Result<bool, Error> {
         let v_n = v_n.into().0;
-        if !(time.is_finite() && v_n.iter().all(|x| x.is_finite())) {
+        if !(time.is_finite() && all_finite(&[v_n.x, v_n.y, v_n.z])) {
             return Err(Error::NonFinite);
         }
         let point = self.at(time)?;
@@ -169,13 +172,14 @@ impl<const K: usize> InMotion<K> {
         if dt < self.spacing {
             return Ok(false);
         }
-        let a = point.v_b0 - before.v_b0;
-        let b = v_n - v_before + Vector3::new(0.0, 0.0, self.gravity * dt);
-        self.sum_a += a;
-        self.sum_b += b;
-        self.aa += a * a.transpose();
-        self.ba += b * a.transpose();
-        self.bb += b.norm_squared();
+        let a = minus(&point.v_b0, &before.v_b0);
+        let mut b = minus(&v_n, &v_before);
+        b.z += self.gravity * dt;
+        self.sum_a = plus(&self.sum_a, &a);
+        self.sum_b = plus(&self.sum_b, &b);
+        add_outer(&mut self.aa, &a, &a);
+        add_outer(&mut self.ba, &b, &a);
+        self.bb += dot(&b, &b);
         self.pairs = self.pairs.saturating_add(1);
         self.last = Some((point, v_n));
         Ok(true)
@@ -205,7 +209,10 @@ impl<const K: usize> InMotion<K> {
                 };
                 return Ok(Point {
                     time,
-                    v_b0: point.v_b0 + (after.v_b0 - point.v_b0) * share,
+                    v_b0: plus(
+                        &point.v_b0,
+                        &scaled(&minus(&after.v_b0, &point.v_b0), share),
+                    ),
                 });
             }
             after = *point;
@@ -230,41 +237,43 @@ impl<const K: usize> InMotion<K> {
         let (a, b) = (unit(&self.sum_a)?, unit(&self.sum_b)?);
         let mut c = shortest(&a, &b);
         // the best turn about them: Σ β·(R α) = const + cos·Σ(β·α' − …) + sin·Σ b·(α' × β),
-        let m = self.ba * c.transpose(); // Σ β α'ᵀ
-        let sin = b.dot(&vee(&m));
-        let cos = m.trace() - b.dot(&(m * b));
+        let m = product_transposed(&self.ba, &c); // Σ β α'ᵀ
+        let sin = dot(&b, &vee(&m));
+        let cos = trace(&m) - dot(&b, &transformed(&m, &b));
         let length = libm::sqrtf(sin * sin + cos * cos);
         if !(length > 0.0 && length.is_finite()) {
             return Err(Error::OutOfRange);
         }
-        c = rotation_by(&(b * libm::atan2f(sin, cos))) * c;
+        let about = scaled(&b, libm::atan2f(sin, cos));
+        c = product(&rotation_by(&about), &c);
         // and what is left of both.
         let mut inverse = Matrix3::zeros();
         let mut step = Vector3::zeros();
         for _ in 0..6 {
-            let a_n = c * self.aa * c.transpose();
-            let normal = Matrix3::from_diagonal_element(a_n.trace()) - a_n;
+            let a_n = product_transposed(&product(&c, &self.aa), &c);
+            let normal = trace_less(&a_n);
             inverse = normal.try_inverse().ok_or(Error::OutOfRange)?;
-            step = inverse * vee(&(self.ba * c.transpose()));
-            c = rotation_by(&step) * c;
+            step = transformed(&inverse, &vee(&product_transposed(&self.ba, &c)));
+            c = product(&rotation_by(&step), &c);
         }
-        let rest = step.norm_squared();
+        let rest = dot(&step, &step);
         if rest.is_nan() || rest > 1e-6 {
             return Err(Error::OutOfRange);
         }
         let n = f32::from(self.pairs);
-        let loss = self.bb + self.aa.trace() - 2.0 * (self.ba * c.transpose()).trace();
+        let fit = trace(&product_transposed(&self.ba, &c));
+        let loss = self.bb + trace(&self.aa) - 2.0 * fit;
         let scatter = loss / (3.0 * n - 3.0);
         let var = scatter.max(2.0 * sigma_v * sigma_v);
-        let sigma = inverse
-            .diagonal()
-            .map(|x| libm::sqrtf(var * x).min(super::coarse::UNKNOWN_HEADING));
+        let sigma = |x: f32| libm::sqrtf(var * x).min(super::coarse::UNKNOWN_HEADING);
         let now = self.now();
         let age = (now.time - point.time).max(0.0) as f32;
+        let mut delta_v_n = transformed(&c, &minus(&now.v_b0, &point.v_b0));
+        delta_v_n.z -= self.gravity * age;
         Ok(InMotionSolution {
-            c_b_n: c * self.frame.c_b_b0(),
-            sigma,
-            delta_v_n: c * (now.v_b0 - point.v_b0) - Vector3::new(0.0, 0.0, self.gravity * age),
+            c_b_n: product(&c, &self.frame.c_b_b0()),
+            sigma: Vector3::new(sigma(inverse.m11), sigma(inverse.m22), sigma(inverse.m33)),
+            delta_v_n,
             age,
         })
     }
@@ -275,10 +284,43 @@ fn vee(m: &Matrix3<f32>) -> Vector3<f32> {
     Vector3::new(m.m32 - m.m23, m.m13 - m.m31, m.m21 - m.m12)
 }
 
+fn trace(m: &Matrix3<f32>) -> f32 {
+    m.m11 + m.m22 + m.m33
+}
+
+/// I tr M − M
+fn trace_less(m: &Matrix3<f32>) -> Matrix3<f32> {
+    let t = trace(m);
+    Matrix3::new(
+        t - m.m11,
+        0.0 - m.m12,
+        0.0 - m.m13,
+        0.0 - m.m21,
+        t - m.m22,
+        0.0 - m.m23,
+        0.0 - m.m31,
+        0.0 - m.m32,
+        t - m.m33,
+    )
+}
+
+/// M + a bᵀ
+fn add_outer(m: &mut Matrix3<f32>, a: &Vector3<f32>, b: &Vector3<f32>) {
+    m.m11 += a.x * b.x;
+    m.m12 += a.x * b.y;
+    m.m13 += a.x * b.z;
+    m.m21 += a.y * b.x;
+    m.m22 += a.y * b.y;
+    m.m23 += a.y * b.z;
+    m.m31 += a.z * b.x;
+    m.m32 += a.z * b.y;
+    m.m33 += a.z * b.z;
+}
+
 fn unit(v: &Vector3<f32>) -> Result<Vector3<f32>, Error> {
-    let norm = v.norm();
+    let norm = libm::sqrtf(dot(v, v));
     if norm > 1e-3 {
-        Ok(v / norm)
+        Ok(divided(v, norm))
     } else {
         Err(Error::OutOfRange)
     }
@@ -286,10 +328,8 @@ fn unit(v: &Vector3<f32>) -> Result<Vector3<f32>, Error> {
 
 /// The shortest rotation of unit vector a onto unit vector b; any half turn when they are opposite.
 fn shortest(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
-    let d = a.dot(b);
-    if d > -0.999 {
-        let k = skew(&a.cross(b));
-        return Matrix3::identity() + k + k * k * (1.0 / (1.0 + d));
+    if dot(a, b) > -0.999 {
+        return shortest_narrow(a, b);
     }
     // By way of a third vector, at right angles to b.
     let side = if b.x.abs() < 0.7 {
@@ -297,13 +337,24 @@ fn shortest(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
     } else {
         Vector3::y()
     };
-    let over = b.cross(&side);
-    let over = over * (1.0 / over.norm());
-    shortest_narrow(&over, b) * shortest_narrow(a, &over)
+    let over = cross(b, &side);
+    let over = scaled(&over, 1.0 / libm::sqrtf(dot(&over, &over)));
+    product(&shortest_narrow(&over, b), &shortest_narrow(a, &over))
 }
 
 /// As [`shortest`] for vectors that are not opposite.
 fn shortest_narrow(a: &Vector3<f32>, b: &Vector3<f32>) -> Matrix3<f32> {
-    let k = skew(&a.cross(b));
-    Matrix3::identity() + k + k * k * (1.0 / (1.0 + a.dot(b)))
+    let k = skew(&cross(a, b));
+    let (kk, s) = (product(&k, &k), 1.0 / (1.0 + dot(a, b)));
+    Matrix3::new(
+        1.0 + k.m11 + kk.m11 * s,
+        0.0 + k.m12 + kk.m12 * s,
+        0.0 + k.m13 + kk.m13 * s,
+        0.0 + k.m21 + kk.m21 * s,
+        1.0 + k.m22 + kk.m22 * s,
+        0.0 + k.m23 + kk.m23 * s,
+        0.0 + k.m31 + kk.m31 * s,
+        0.0 + k.m32 + kk.m32 * s,
+        1.0 + k.m33 + kk.m33 * s,
+    )
 }

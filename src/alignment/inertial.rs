@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::{c_b_n_scaled, product, rotation_minus_one};
 use crate::imu::{ConingSculling, ImuIncrement};
-use crate::linalg::Two;
+use crate::linalg::{dot, plus, scaled, transformed, Two};
 
 /// Body to the frame b₀ that it had before the first sample.
 #[derive(Clone, Debug)]
@@ -31,7 +31,8 @@ impl InertialFrame {
         self.corrections.remember(imu);
         let [qw, qx, qy, qz] = &mut self.q;
         let q = [qw.hi, qx.hi, qy.hi, qz.hi];
-        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&motion.phi_b()));
+        let phi_b = plus(&motion.delta_theta_b, &motion.theta_correction_b);
+        let [dw, dx, dy, dz] = product(&q, &rotation_minus_one(&phi_b));
         let middle = [
             q[0] + 0.5 * dw,
             q[1] + 0.5 * dx,
@@ -42,7 +43,7 @@ impl InertialFrame {
         qx.add(dx);
         qy.add(dy);
         qz.add(dz);
-        rotation(middle) * motion.delta_v_mid
+        transformed(&rotation(middle), &motion.delta_v_mid)
     }
 
     /// b₀ is the body frame of now; what coning and sculling need of the last sample stays.
@@ -54,14 +55,14 @@ impl InertialFrame {
     pub fn turned(&self) -> Vector3<f32> {
         let [w, x, y, z] = self.q;
         let v = Vector3::new(x.hi, y.hi, z.hi);
-        let sin = v.norm();
+        let sin = libm::sqrtf(dot(&v, &v));
         // below it, the angle is its sine to 1e-9 of itself
         let scale = if sin > 1e-4 {
             2.0 * libm::atan2f(sin, w.hi) / sin
         } else {
             2.0
         };
-        v * scale
+        scaled(&v, scale)
     }
 
     /// C from the body frame of the last sample to b₀.
@@ -72,6 +73,7 @@ impl InertialFrame {
 }
 
 /// Rotation matrix of a quaternion of nearly unit length.
+#[inline(always)]
 fn rotation(q: [f32; 4]) -> Matrix3<f32> {
     let norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     c_b_n_scaled(q, 2.0 / norm2)

@@ -31,6 +31,7 @@ use nalgebra::Vector3;
 use crate::earth::OMEGA_IE;
 use crate::error::Error;
 use crate::imu::{ImuIncrement, ImuLimits};
+use crate::linalg::{divided, dot, minus, plus, scaled};
 use crate::measurement::{ZeroRotation, ZeroVelocity};
 
 /// Blocks in a window.
@@ -162,6 +163,13 @@ impl Block {
         delta_v: Vector3::new(0.0, 0.0, 0.0),
         dt: 0.0,
     };
+
+    #[inline(always)]
+    fn add(&mut self, delta_theta: &Vector3<f32>, delta_v: &Vector3<f32>, dt: f32) {
+        self.delta_theta = plus(&self.delta_theta, delta_theta);
+        self.delta_v = plus(&self.delta_v, delta_v);
+        self.dt += dt;
+    }
 }
 
 /// Gathers samples and looks at the window at the end of every block, a fifth of the window.
@@ -220,9 +228,7 @@ impl StationaryDetector {
     /// Those of [`ImuIncrement::check`]; nothing has changed then.
     pub fn take(&mut self, imu: &ImuIncrement) -> Result<Option<Look>, Error> {
         imu.check(&self.settings.limits)?;
-        self.open.delta_theta += imu.delta_theta_b;
-        self.open.delta_v += imu.delta_v_b;
-        self.open.dt += imu.dt;
+        self.open.add(&imu.delta_theta_b, &imu.delta_v_b, imu.dt);
         let block = self.settings.window / BLOCKS as f32;
         // Rather short than long, whatever the rounding of the sum: the window is what a decision is late by.
         if self.open.dt + imu.dt < 1.001 * block {
@@ -247,18 +253,17 @@ impl StationaryDetector {
         let s = &self.settings;
         let mut sum = Block::EMPTY;
         for block in &self.blocks {
-            sum.delta_theta += block.delta_theta;
-            sum.delta_v += block.delta_v;
-            sum.dt += block.dt;
+            sum.add(&block.delta_theta, &block.delta_v, block.dt);
         }
-        let (rate, force) = (sum.delta_theta / sum.dt, sum.delta_v / sum.dt);
+        let rate = divided(&sum.delta_theta, sum.dt);
+        let force = divided(&sum.delta_v, sum.dt);
         let variance = |walk: f32, residual: f32, dt: f32| walk * walk / dt + residual * residual;
         let mut scatter = 0.0;
         for block in &self.blocks {
-            let w = block.delta_theta / block.dt - rate;
-            let f = block.delta_v / block.dt - force;
-            scatter += w.norm_squared() / variance(s.angle_walk, s.residual_rate, block.dt)
-                + f.norm_squared() / variance(s.velocity_walk, s.residual_accel, block.dt);
+            let w = minus(&divided(&block.delta_theta, block.dt), &rate);
+            let f = minus(&divided(&block.delta_v, block.dt), &force);
+            scatter += dot(&w, &w) / variance(s.angle_walk, s.residual_rate, block.dt)
+                + dot(&f, &f) / variance(s.velocity_walk, s.residual_accel, block.dt);
         }
         scatter /= SCATTER_FREEDOM;
         let fifth = 1.0 / BLOCKS as f32;
@@ -266,11 +271,12 @@ impl StationaryDetector {
         let var_rate = variance(s.angle_walk, s.residual_rate, block) * fifth;
         let var_force = variance(s.velocity_walk, s.residual_accel, block) * fifth;
         let earth2 = (OMEGA_IE * OMEGA_IE) as f32;
-        let heavier = force.norm() - s.gravity;
+        let heavier = libm::sqrtf(dot(&force, &force)) - s.gravity;
         // A window that shakes says less of its means.
         let shaken = scatter.max(1.0);
         let (var_rate, var_force) = (var_rate * shaken, var_force * shaken);
-        let offset = (rate - self.bias).norm_squared() / (self.bias_variance + var_rate + earth2)
+        let off = minus(&rate, &self.bias);
+        let offset = dot(&off, &off) / (self.bias_variance + var_rate + earth2)
             + heavier * heavier / (s.accel_bias * s.accel_bias + var_force);
         // Anything that is no number is no rest.
         let still = scatter <= SCATTER_LIMIT * s.allowance && offset <= OFFSET_LIMIT;
@@ -281,7 +287,7 @@ impl StationaryDetector {
             self.rested = 0;
         } else if self.rested == 0 {
             let gain = self.bias_variance / (self.bias_variance + var_rate);
-            self.bias += (rate - self.bias) * gain;
+            self.bias = plus(&self.bias, &scaled(&off, gain));
             self.bias_variance *= 1.0 - gain;
             let sigma = libm::sqrtf(var_rate);
             if let Ok(zero_rotation) = ZeroRotation::new(rate, sigma, s.window) {

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::inertial::InertialFrame;
 use crate::imu::ImuIncrement;
-use crate::linalg::Two;
+use crate::linalg::{cross, minus, plus, scaled, Two};
 
 /// Samples summed up.
 #[derive(Clone, Debug)]
@@ -34,9 +34,10 @@ impl Sum {
 
     fn add(&mut self, imu: &ImuIncrement) {
         let delta_v = self.frame.take(imu);
-        for (to, x) in self.v.iter_mut().zip(delta_v.iter()) {
-            to.add(*x);
-        }
+        let [x, y, z] = &mut self.v;
+        x.add(delta_v.x);
+        y.add(delta_v.y);
+        z.add(delta_v.z);
         self.dt.add(imu.dt);
     }
 
@@ -59,10 +60,13 @@ impl Sum {
 /// The even motion of this time that turns by φ and leads to the velocity v in the frame it began in.
 fn even(phi: Vector3<f32>, v: Vector3<f32>, dt: f32) -> ImuIncrement {
     // v = (I + ½[φ×] + ⅙[φ×]²) f dt; its inverse to the same order
-    let half = phi.cross(&v);
+    let half = cross(&phi, &v);
     ImuIncrement {
         delta_theta_b: phi,
-        delta_v_b: v - half * 0.5 + phi.cross(&half) * (1.0 / 12.0),
+        delta_v_b: plus(
+            &minus(&v, &scaled(&half, 0.5)),
+            &scaled(&cross(&phi, &half), 1.0 / 12.0),
+        ),
         dt,
     }
 }
@@ -75,10 +79,11 @@ fn joined(a: &ImuIncrement, b: &ImuIncrement) -> ImuIncrement {
     second.add(b);
     let (phi, phi_b) = (first.frame.turned(), second.frame.turned());
     let v_b = second.velocity();
-    let once = phi.cross(&v_b);
+    let once = cross(&phi, &v_b);
+    let twice = scaled(&cross(&phi, &once), 0.5);
     even(
-        phi + phi_b + phi.cross(&phi_b) * 0.5,
-        first.velocity() + (v_b + once + phi.cross(&once) * 0.5),
+        plus(&plus(&phi, &phi_b), &scaled(&cross(&phi, &phi_b), 0.5)),
+        plus(&first.velocity(), &plus(&plus(&v_b, &once), &twice)),
         a.dt + b.dt,
     )
 }

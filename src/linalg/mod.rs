@@ -250,6 +250,50 @@ pub(crate) fn dot(a: &Vector3<f32>, b: &Vector3<f32>) -> f32 {
     a.x * b.x + a.y * b.y + a.z * b.z
 }
 
+/// a + b, likewise.
+#[inline(always)]
+pub(crate) fn plus(a: &Vector3<f32>, b: &Vector3<f32>) -> Vector3<f32> {
+    Vector3::new(a.x + b.x, a.y + b.y, a.z + b.z)
+}
+
+/// a − b, likewise.
+#[inline(always)]
+pub(crate) fn minus(a: &Vector3<f32>, b: &Vector3<f32>) -> Vector3<f32> {
+    Vector3::new(a.x - b.x, a.y - b.y, a.z - b.z)
+}
+
+/// a s, likewise.
+#[inline(always)]
+pub(crate) fn scaled(a: &Vector3<f32>, s: f32) -> Vector3<f32> {
+    Vector3::new(a.x * s, a.y * s, a.z * s)
+}
+
+/// a / s, likewise.
+#[inline(always)]
+pub(crate) fn divided(a: &Vector3<f32>, s: f32) -> Vector3<f32> {
+    Vector3::new(a.x / s, a.y / s, a.z / s)
+}
+
+/// A B, likewise.
+#[inline]
+pub(crate) fn product(a: &Matrix3<f32>, b: &Matrix3<f32>) -> Matrix3<f32> {
+    let [x, y, z] = columns(b);
+    of_columns(transformed(a, &x), transformed(a, &y), transformed(a, &z))
+}
+
+/// A Bᵀ, likewise.
+#[inline]
+pub(crate) fn product_transposed(a: &Matrix3<f32>, b: &Matrix3<f32>) -> Matrix3<f32> {
+    let [x, y, z] = rows(b);
+    of_columns(transformed(a, &x), transformed(a, &y), transformed(a, &z))
+}
+
+/// The matrix of these columns, likewise.
+#[inline(always)]
+fn of_columns(x: Vector3<f32>, y: Vector3<f32>, z: Vector3<f32>) -> Matrix3<f32> {
+    Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
+}
+
 /// Columns of a matrix, likewise.
 #[inline(always)]
 pub(crate) fn columns(c: &Matrix3<f32>) -> [Vector3<f32>; 3] {
