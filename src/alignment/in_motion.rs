@@ -317,6 +317,7 @@ fn add_outer(m: &mut Matrix3<f32>, a: &Vector3<f32>, b: &Vector3<f32>) {
     m.m33 += a.z * b.z;
 }
 
+#[inline(always)] // a Result of a vector would be copied byte by byte
 fn unit(v: &Vector3<f32>) -> Result<Vector3<f32>, Error> {
     let norm = libm::sqrtf(dot(v, v));
     if norm > 1e-3 {

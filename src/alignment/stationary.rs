@@ -165,10 +165,12 @@ impl Block {
     };
 
     #[inline(always)]
-    fn add(&mut self, delta_theta: &Vector3<f32>, delta_v: &Vector3<f32>, dt: f32) {
-        self.delta_theta = plus(&self.delta_theta, delta_theta);
-        self.delta_v = plus(&self.delta_v, delta_v);
-        self.dt += dt;
+    fn with(&self, delta_theta: &Vector3<f32>, delta_v: &Vector3<f32>, dt: f32) -> Self {
+        Self {
+            delta_theta: plus(&self.delta_theta, delta_theta),
+            delta_v: plus(&self.delta_v, delta_v),
+            dt: self.dt + dt,
+        }
     }
 }
 
@@ -228,14 +230,15 @@ impl StationaryDetector {
     /// Those of [`ImuIncrement::check`]; nothing has changed then.
     pub fn take(&mut self, imu: &ImuIncrement) -> Result<Option<Look>, Error> {
         imu.check(&self.settings.limits)?;
-        self.open.add(&imu.delta_theta_b, &imu.delta_v_b, imu.dt);
+        let open = self.open.with(&imu.delta_theta_b, &imu.delta_v_b, imu.dt);
         let block = self.settings.window / BLOCKS as f32;
         // Rather short than long, whatever the rounding of the sum: the window is what a decision is late by.
-        if self.open.dt + imu.dt < 1.001 * block {
+        if open.dt + imu.dt < 1.001 * block {
+            self.open = open;
             return Ok(None);
         }
         if let Some(place) = self.blocks.get_mut(self.next) {
-            *place = self.open;
+            *place = open;
         }
         self.open = Block::EMPTY;
         self.next = if self.next + 1 < BLOCKS {
@@ -253,7 +256,7 @@ impl StationaryDetector {
         let s = &self.settings;
         let mut sum = Block::EMPTY;
         for block in &self.blocks {
-            sum.add(&block.delta_theta, &block.delta_v, block.dt);
+            sum = sum.with(&block.delta_theta, &block.delta_v, block.dt);
         }
         let rate = divided(&sum.delta_theta, sum.dt);
         let force = divided(&sum.delta_v, sum.dt);
