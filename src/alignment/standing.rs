@@ -505,15 +505,18 @@ impl<const K: usize> StandingAlignment<K> {
     /// The filter takes the place of the window. `attitude`: its σ.
     #[inline(never)]
     fn run(&mut self, euler: Euler, attitude: [f32; 3]) -> Result<(), Error> {
-        let mut start = Start::new();
-        self.known(attitude, &mut start)?;
         match &NavState::new(self.position, Vector3::zeros(), euler) {
-            Ok(nav) => {
-                begin(&mut self.stage, nav, &start, &self.settings);
-                Ok(())
-            }
+            Ok(nav) => self.run_from(nav, attitude),
             Err(error) => Err(*error),
         }
+    }
+
+    #[inline(never)] // the pose is formed without what is known of it on the stack
+    fn run_from(&mut self, nav: &NavState, attitude: [f32; 3]) -> Result<(), Error> {
+        let mut start = Start::new();
+        self.known(attitude, &mut start)?;
+        begin(&mut self.stage, nav, &start, &self.settings);
+        Ok(())
     }
 
     /// What is known at the start, with this σ of the attitude.
@@ -565,15 +568,28 @@ impl<const K: usize> StandingAlignment<K> {
     /// Starts the filter after a window of plain means.
     #[inline(never)]
     fn begin_levelled(&mut self, progress: &mut Progress) -> Result<(), Error> {
-        let (level, still) = self.start_levelled()?;
-        let (Stage::Fine(filter), Some(outside)) = (&mut self.stage, &self.outside) else {
+        let started = self.start_levelled();
+        let (level, still) = match &started {
+            Ok(ready) => ready, // where it is: a copy would lie below the update
+            Err(error) => return Err(*error),
+        };
+        let Stage::Fine(filter) = &mut self.stage else {
             return Err(Error::OutOfRange); // never: it has just been started
         };
         // the room of a report that nobody sees
         *progress = Progress::Updated(UpdateReport::empty());
         if let Progress::Updated(report) = progress {
-            learn(filter, &still, report)?;
+            learn(filter, still, report)?;
         }
+        self.started_levelled(level, progress)
+    }
+
+    /// What the filter started with.
+    #[inline(never)]
+    fn started_levelled(&self, level: &Level, progress: &mut Progress) -> Result<(), Error> {
+        let (Stage::Fine(filter), Some(outside)) = (&self.stage, &self.outside) else {
+            return Err(Error::OutOfRange); // never: it has just been started
+        };
         let local = Local::at(self.position.lat as f32, self.position.height as f32);
         *progress = Progress::Started(CoarseSolution {
             c_b_n: filter.nav().c_b_n(),

@@ -49,7 +49,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Takes in rows that are −1 on the states from FIRST on and says true; or leaves the triangle as it is and says
     /// false.
     #[inline(always)]
-    pub(super) fn update_block<const M: usize, const FIRST: usize>(
+    pub(crate) fn update_block<const M: usize, const FIRST: usize>(
         &mut self,
         rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
@@ -70,7 +70,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
 
     /// The same of any rows. `room`: for working, with anything in it.
     #[inline(always)]
-    pub(super) fn update_swiftly<const M: usize>(
+    pub(crate) fn update_swiftly<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,

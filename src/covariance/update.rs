@@ -181,62 +181,34 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         const { assert!(M > 0, "an update has rows") };
-        match h {
-            Pattern::Direct { first: 2 } if M == 1 => {
-                self.update_states::<M, 2>(rows, considered, out, accept)
-            }
-            Pattern::Direct { first: 3 } if M == 3 => {
-                self.update_states::<M, 3>(rows, considered, out, accept)
-            }
-            _ => {
-                let mut room = const { [[T::ZERO; N]; M] };
-                self.update_any(rows, h, considered, &mut room, out, accept)
-            }
-        }
-    }
-
-    /// The same of rows of which nothing is known before the program runs. `room`: for working, with anything in it.
-    #[inline(always)]
-    pub(crate) fn update_any<const M: usize>(
-        &mut self,
-        rows: &Lines<'_, T, M>,
-        h: Pattern<'_, T, M, N>,
-        considered: u32,
-        room: &mut [[T; N]; M],
-        out: &mut Slots<'_, T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<(), Error> {
         const { Self::SIZE };
-        if considered == 0 && self.update_swiftly(rows, h, room, out, accept)? {
+        let done = considered == 0
+            && match h {
+                Pattern::Direct { first: 2 } if M == 1 => {
+                    self.update_block::<M, 2>(rows, out, accept)?
+                }
+                Pattern::Direct { first: 3 } if M == 3 => {
+                    self.update_block::<M, 3>(rows, out, accept)?
+                }
+                _ => {
+                    let mut room = const { [[T::ZERO; N]; M] };
+                    self.update_swiftly(rows, h, &mut room, out, accept)?
+                }
+            };
+        if done {
             return Ok(());
         }
-        self.update_carefully_by(rows, h, considered, out, accept)
+        self.update_carefully_by(rows, h, considered, None, out, accept)
     }
 
-    /// The same of rows that are −1 on the states from FIRST on.
-    #[inline(always)]
-    pub(crate) fn update_states<const M: usize, const FIRST: usize>(
-        &mut self,
-        rows: &Lines<'_, T, M>,
-        considered: u32,
-        out: &mut Slots<'_, T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        const { Self::SIZE };
-        if considered == 0 && self.update_block::<M, FIRST>(rows, out, accept)? {
-            return Ok(());
-        }
-        let h = careful::Pattern::Direct { first: FIRST };
-        self.carefully(rows, h, considered, out, accept)
-    }
-
-    /// The same in double words from the start.
+    /// The same in double words from the start. `room`: for working, with anything in it; `None` where the stack has it.
     #[inline(always)]
     pub(crate) fn update_carefully_by<const M: usize>(
         &mut self,
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,
         considered: u32,
+        room: Option<&mut [[Pair<T>; N]; M]>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
@@ -247,10 +219,27 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 unit,
             },
         };
-        self.carefully(rows, h, considered, out, accept)
+        match room {
+            Some(room) => self.carefully(rows, h, considered, room, out, accept),
+            None => self.carefully_on_the_stack(rows, h, considered, out, accept),
+        }
     }
 
-    /// Room of the right size around the careful update.
+    #[cold]
+    #[inline(never)]
+    fn carefully_on_the_stack<const M: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M>,
+        h: careful::Pattern<'_, T, N>,
+        considered: u32,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut room = [[Pair::zero(); N]; M];
+        self.carefully(rows, h, considered, &mut room, out, accept)
+    }
+
+    /// Slices of the right size around the careful update.
     #[cold]
     #[inline(never)]
     fn carefully<const M: usize>(
@@ -258,6 +247,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         rows: &Lines<'_, T, M>,
         h: careful::Pattern<'_, T, N>,
         considered: u32,
+        room: &mut [[Pair<T>; N]; M],
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
@@ -279,7 +269,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             p_after: out.p_after,
         };
         let mut panel = Panel {
-            c: &mut [[Pair::zero(); N]; M],
+            c: room,
             inverse: &mut [Pair::zero(); M],
             gain: &mut [Pair::zero(); M],
             fresh: [T::ZERO; N],

@@ -123,8 +123,12 @@ impl Filter {
             given,
             report,
             units_from::<M, FIRST>,
-            |p, job, _, out, accept| {
-                p.update_states::<M, FIRST>(&job.lines, job.considered, out, accept)
+            |p, job, room, out, accept| {
+                let lines = &job.lines;
+                if job.considered == 0 && update_block::<M, FIRST>(p, lines, out, accept)? {
+                    return Ok(());
+                }
+                update_carefully(p, Pattern::Direct { first: FIRST }, job, room, out, accept)
             },
         )
     }
@@ -149,10 +153,7 @@ impl Filter {
             unit
         };
         self.update_by(given, report, unit, |p, job, room, out, accept| {
-            let h = Pattern::Direct { first };
-            let mut own = const { [[0.0; N]; M] };
-            let room = room.panel().unwrap_or(&mut own);
-            p.update_any(&job.lines, h, job.considered, room, out, accept)
+            update_any(p, Pattern::Direct { first }, job, room, out, accept)
         })
     }
 
@@ -172,10 +173,7 @@ impl Filter {
             |_| const { [1.0; M] },
             |p, job, room, out, accept| {
                 let unit = job.sigma0;
-                let h = Pattern::Dense { h, unit };
-                let mut own = const { [[0.0; N]; M] };
-                let room = room.panel().unwrap_or(&mut own);
-                p.update_any(&job.lines, h, job.considered, room, out, accept)
+                update_any(p, Pattern::Dense { h, unit }, job, room, out, accept)
             },
         )
     }
@@ -236,6 +234,61 @@ struct Job<'a, const M: usize> {
     considered: u32,
 }
 
+/// Rows of states: swiftly where that is good enough. The panel of more than one row is off the stack when the careful
+/// update comes after it.
+#[inline(always)]
+fn update_block<const M: usize, const FIRST: usize>(
+    p: &mut Covariance15<f32>,
+    lines: &Lines<'_, f32, M>,
+    out: &mut Slots<'_, f32, M, N>,
+    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+) -> Result<bool, Error> {
+    #[inline(never)]
+    fn apart<const M: usize, const FIRST: usize>(
+        p: &mut Covariance15<f32>,
+        lines: &Lines<'_, f32, M>,
+        out: &mut Slots<'_, f32, M, N>,
+        accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+    ) -> Result<bool, Error> {
+        p.update_block::<M, FIRST>(lines, out, accept)
+    }
+    if M > 1 {
+        apart::<M, FIRST>(p, lines, out, accept)
+    } else {
+        p.update_block::<M, FIRST>(lines, out, accept)
+    }
+}
+
+/// Rows of any kind: swiftly where that is good enough.
+#[inline(always)]
+fn update_any<const M: usize>(
+    p: &mut Covariance15<f32>,
+    h: Pattern<'_, f32, M, N>,
+    job: &Job<'_, M>,
+    room: &mut Room,
+    out: &mut Slots<'_, f32, M, N>,
+    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let mut own = const { [[0.0; N]; M] };
+    let panel = room.panel().unwrap_or(&mut own);
+    if job.considered == 0 && p.update_swiftly(&job.lines, h, panel, out, accept)? {
+        return Ok(());
+    }
+    update_carefully(p, h, job, room, out, accept)
+}
+
+#[inline(always)]
+fn update_carefully<const M: usize>(
+    p: &mut Covariance15<f32>,
+    h: Pattern<'_, f32, M, N>,
+    job: &Job<'_, M>,
+    room: &mut Room,
+    out: &mut Slots<'_, f32, M, N>,
+    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    p.update_carefully_by(&job.lines, h, job.considered, room.pairs(), out, accept)
+}
+
 /// The careful update by the rows of an antenna in full, each in the unit of the state it is −1 on.
 #[cold]
 #[inline(never)]
@@ -254,7 +307,7 @@ fn update_in_full<const M: usize>(
         h: &h,
         unit: job.sigma0,
     };
-    p.update_carefully_by(&job.lines, h, job.considered, out, accept)
+    p.update_carefully_by(&job.lines, h, job.considered, None, out, accept)
 }
 
 /// The numbers of a measurement, without its rows.

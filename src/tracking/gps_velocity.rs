@@ -571,7 +571,7 @@ impl<T: Real, const N: usize, const L: usize> Work<T, N, L> {
             gate: None,
         };
         self.covariance
-            .update_carefully_by(&lines, h, 0, &mut slots, &mut |_| Ok(()))?;
+            .update_carefully_by(&lines, h, 0, None, &mut slots, &mut |_| Ok(()))?;
         report.nis += nis;
         for (sum, d) in self.dx.iter_mut().zip(dx) {
             *sum += d;
