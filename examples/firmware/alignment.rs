@@ -1,6 +1,8 @@
 //! Rows of the bench for alignment: rest, coarse window and its second use, start of a filter, gate, planner, attitude in
 //! motion.
 
+use core::hint::black_box;
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use navsight::alignment::coarse::CoarseAlignment;
@@ -248,7 +250,7 @@ fn in_motion(table: &mut Table, imu: ImuIncrement) -> core::fmt::Result {
     )?;
     table.row("attitude in motion: solution", "f32", finder, |finder| {
         // an even motion tells no heading; the work is the same
-        let _ = finder.solve(0.1);
+        let _ = black_box(finder.solve(0.1));
         Ok(())
     })
 }
