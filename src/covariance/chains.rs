@@ -51,7 +51,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             [p!(1, 0), p!(1, 1), p!(1, 2)],
             [p!(2, 0), p!(2, 1), p!(2, 2)],
         ];
-        if any == 0 {
+        if any == 0 && i != j {
             return;
         }
         // A P, and P + A P
