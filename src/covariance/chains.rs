@@ -98,6 +98,26 @@ mod tests {
     use nalgebra::SMatrix;
 
     #[test]
+    fn noise_reaches_an_axis_that_is_known_exactly() {
+        let chain = |q: f64| Chain {
+            a: [1.0, 0.5, 1.0, -0.1],
+            q: [q; 6],
+        };
+        let mut p = Covariance::<f64, 6, 21>::zero();
+        p.propagate_chains(&[chain(1.0), chain(2.0)]);
+        for i in 0..6 {
+            for j in 0..6 {
+                let q = if i % 2 == j % 2 {
+                    1.0 + (i % 2) as f64
+                } else {
+                    0.0
+                };
+                assert_eq!(p.element(i, j), q, "({i}, {j})");
+            }
+        }
+    }
+
+    #[test]
     fn it_is_the_general_propagation() {
         let mut seed = 5u64;
         let mut next = move || {
