@@ -68,6 +68,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         Ok(true)
     }
 
+    /// The same, its panel off the stack when a careful update comes after it.
+    #[inline(never)]
+    pub(crate) fn update_block_apart<const M: usize, const FIRST: usize>(
+        &mut self,
+        rows: &Lines<'_, T, M>,
+        out: &mut Slots<'_, T, M, N>,
+        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
+    ) -> Result<bool, Error> {
+        self.update_block::<M, FIRST>(rows, out, accept)
+    }
+
     /// The same of any rows. `room`: for working, with anything in it.
     #[inline(always)]
     pub(crate) fn update_swiftly<const M: usize>(

@@ -124,9 +124,16 @@ impl Filter {
             report,
             units_from::<M, FIRST>,
             |p, job, room, out, accept| {
-                let lines = &job.lines;
-                if job.considered == 0 && update_block::<M, FIRST>(p, lines, out, accept)? {
-                    return Ok(());
+                if job.considered == 0 {
+                    let lines = &job.lines;
+                    let done = if M > 1 {
+                        p.update_block_apart::<M, FIRST>(lines, out, accept)?
+                    } else {
+                        p.update_block::<M, FIRST>(lines, out, accept)?
+                    };
+                    if done {
+                        return Ok(());
+                    }
                 }
                 update_carefully(p, Pattern::Direct { first: FIRST }, job, room, out, accept)
             },
@@ -232,31 +239,6 @@ struct Job<'a, const M: usize> {
     lines: Lines<'a, f32, M>,
     sigma0: &'a [f32; N],
     considered: u32,
-}
-
-/// Rows of states: swiftly where that is good enough. The panel of more than one row is off the stack when the careful
-/// update comes after it.
-#[inline(always)]
-fn update_block<const M: usize, const FIRST: usize>(
-    p: &mut Covariance15<f32>,
-    lines: &Lines<'_, f32, M>,
-    out: &mut Slots<'_, f32, M, N>,
-    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
-) -> Result<bool, Error> {
-    #[inline(never)]
-    fn apart<const M: usize, const FIRST: usize>(
-        p: &mut Covariance15<f32>,
-        lines: &Lines<'_, f32, M>,
-        out: &mut Slots<'_, f32, M, N>,
-        accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
-    ) -> Result<bool, Error> {
-        p.update_block::<M, FIRST>(lines, out, accept)
-    }
-    if M > 1 {
-        apart::<M, FIRST>(p, lines, out, accept)
-    } else {
-        p.update_block::<M, FIRST>(lines, out, accept)
-    }
 }
 
 /// Rows of any kind: swiftly where that is good enough.
