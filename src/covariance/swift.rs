@@ -10,39 +10,24 @@
 //! P⁺_:b = P_:b − P_:b S⁻¹ P_bb = P_:b S⁻¹ R = K R        with S = P_bb + R
 //! ```
 //!
-//! which is a product, right to rounding however far the variance falls, and cheaper than a compensated sum.
-
-use core::hint::black_box;
+//! which is a product, right to rounding however far the variance falls, and cheaper than a compensated sum. Their columns
+//! hold the panel meanwhile: they are replaced last.
 
 use super::packed::{at, upper, Covariance};
 use super::panel::Six;
-use super::sequence::{back, dot, each_row, sequence, times, Sequence};
+use super::sequence::{dot, each_row, sequence, times, Sequence};
+use super::sweep::{forward, measured, Direct, Panel, NONE};
 use super::update::{Lines, Pattern, Slots};
 use crate::error::Error;
 use crate::linalg::{each_state, in_order, two_add, Real};
 
 /// Number of states this is written for.
 const STATES: usize = 15;
-/// FIRST of rows that measure no state by itself.
-const NONE: usize = STATES;
-
-/// Of rows that measure states by themselves: K R of a state is B c.
-struct Direct<T, const M: usize> {
-    /// The diagonal of B's first factor …
-    shrink: [T; M],
-    /// … and what [`back`] takes off, both with R inside.
-    back: [[T; M]; M],
-}
-
-/// P h of each row, and then less what the rows before it explain.
-type Reduced<T, const M: usize, const N: usize> = [[T; N]; M];
-
-impl<T: Real, const M: usize> Direct<T, M> {
-    /// Any numbers: all are written before they are read. As a constant they cost next to nothing, also at opt-level "z".
-    const NEW: Self = Self {
-        shrink: [T::ZERO; M],
-        back: [[T::ZERO; M]; M],
-    };
+/// Where P h is, and c.
+enum Place<'a, T, const M: usize, const N: usize> {
+    /// In the columns of the states that the rows measure, which the sweep makes to c.
+    Columns(&'a Direct<T, M>),
+    Panel(&'a mut Panel<T, M, N>),
 }
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
@@ -58,25 +43,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N != STATES {
             return Ok(false); // known at compile time: of the constant indices below nothing is left then
         }
-        let mut reduced = const { [[T::ZERO; N]; M] }; // written before it is read, as are these two
-        let (mut inverse, mut direct) = (const { [T::ZERO; M] }, Direct::NEW);
-        if !self.form_block::<M, FIRST>(rows, out, &mut reduced, &mut inverse, &mut direct) {
+        let (mut inverse, mut direct) = (const { [T::ZERO; M] }, Direct::NEW); // written before they are read
+        if !self.form_block::<M, FIRST>(rows, out, &mut inverse, &mut direct) {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, FIRST>(&reduced, &inverse, Some(&direct));
+        self.sweep_block::<M, FIRST>(&inverse, &direct);
         Ok(true)
-    }
-
-    /// The same, its panel off the stack when a careful update comes after it.
-    #[inline(never)]
-    pub(crate) fn update_block_apart<const M: usize, const FIRST: usize>(
-        &mut self,
-        rows: &Lines<'_, T, M>,
-        out: &mut Slots<'_, T, M, N>,
-        accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-    ) -> Result<bool, Error> {
-        self.update_block::<M, FIRST>(rows, out, accept)
     }
 
     /// The same of any rows. `room`: for working, with anything in it.
@@ -85,15 +58,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &mut self,
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,
-        room: &mut Reduced<T, M, N>,
+        room: &mut Panel<T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
         if N != STATES {
             return Ok(false);
         }
-        self.update_formed(room, out, accept, |p, out, reduced, inverse| {
-            p.form_any(rows, h, out, reduced, inverse)
+        self.update_formed(room, out, accept, |p, out, panel, inverse| {
+            p.form_any(rows, h, out, panel, inverse)
         })
     }
 
@@ -103,15 +76,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &mut self,
         six: &Six<T>,
         rows: &Lines<'_, T, M>,
-        room: &mut Reduced<T, M, N>,
+        room: &mut Panel<T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<bool, Error> {
         if N != STATES || M != 6 {
             return Ok(false);
         }
-        self.update_formed(room, out, accept, |p, out, reduced, inverse| {
-            p.form_six(six, rows, out, reduced, inverse)
+        self.update_formed(room, out, accept, |p, out, panel, inverse| {
+            p.form_six(six, rows, out, panel, inverse)
         })
     }
 
@@ -119,17 +92,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     #[inline(always)]
     fn update_formed<const M: usize>(
         &mut self,
-        reduced: &mut Reduced<T, M, N>,
+        panel: &mut Panel<T, M, N>,
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
-        form: impl FnOnce(&Self, &mut Slots<'_, T, M, N>, &mut Reduced<T, M, N>, &mut [T; M]) -> bool,
+        form: impl FnOnce(&Self, &mut Slots<'_, T, M, N>, &mut Panel<T, M, N>, &mut [T; M]) -> bool,
     ) -> Result<bool, Error> {
         let mut inverse = const { [T::ZERO; M] };
-        if !form(self, out, reduced, &mut inverse) {
+        if !form(self, out, panel, &mut inverse) {
             return Ok(false);
         }
         accept(out.dx)?;
-        self.sweep::<M, NONE>(reduced, &inverse, None);
+        self.sweep_panel(panel, &inverse);
         Ok(true)
     }
 
@@ -139,12 +112,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         six: &Six<T>,
         rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
-        reduced: &mut Reduced<T, M, N>,
+        panel: &mut Panel<T, M, N>,
         inverse: &mut [T; M],
     ) -> bool {
-        let hph = self.six_panel(six, reduced);
+        let hph = self.six_panel(six, panel);
         match sequence(hph, &turned(rows.nu), rows, out) {
-            Some(q) => self.variances::<M, NONE>(&q, None, out, reduced, inverse),
+            Some(q) => self.variances::<M, NONE>(&q, Place::Panel(panel), out, inverse),
             None => false,
         }
     }
@@ -155,7 +128,6 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         &self,
         rows: &Lines<'_, T, M>,
         out: &mut Slots<'_, T, M, N>,
-        reduced: &mut Reduced<T, M, N>,
         inverse: &mut [T; M],
         direct: &mut Direct<T, M>,
     ) -> bool {
@@ -163,13 +135,14 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         each_row!(m; { each_row!(k; hph[m][k] = self.hi[at(FIRST + m, FIRST + k)]); });
         match sequence(hph, &turned(rows.nu), rows, out) {
             Some(q) if out.accepted.iter().all(|used| *used) => {
+                direct.l = q.l;
                 each_row!(m; {
                     direct.shrink[m] = q.inverse[m] * rows.r[m];
                     each_row!(k; if k < m {
                         direct.back[k][m] = q.l[k][m] * (rows.r[k] / rows.r[m]);
                     });
                 });
-                self.variances::<M, FIRST>(&q, Some(direct), out, reduced, inverse)
+                self.variances::<M, FIRST>(&q, Place::Columns(direct), out, inverse)
             }
             _ => false,
         }
@@ -182,19 +155,19 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         rows: &Lines<'_, T, M>,
         h: Pattern<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
-        reduced: &mut Reduced<T, M, N>,
+        panel: &mut Panel<T, M, N>,
         inverse: &mut [T; M],
     ) -> bool {
         let mut nu = *rows.nu;
         let hph = match h {
             Pattern::Direct { first } => {
                 nu = turned(&nu);
-                self.direct_panel(first, reduced)
+                self.direct_panel(first, panel)
             }
-            Pattern::Dense { h, unit } => self.dense_panel(h, unit, reduced),
+            Pattern::Dense { h, unit } => self.dense_panel(h, unit, panel),
         };
         match sequence(hph, &nu, rows, out) {
-            Some(q) => self.variances::<M, NONE>(&q, None, out, reduced, inverse),
+            Some(q) => self.variances::<M, NONE>(&q, Place::Panel(panel), out, inverse),
             None => false,
         }
     }
@@ -205,11 +178,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     fn variances<const M: usize, const FIRST: usize>(
         &self,
         q: &Sequence<T, M>,
-        direct: Option<&Direct<T, M>>,
+        place: Place<'_, T, M, N>,
         out: &mut Slots<'_, T, M, N>,
-        reduced: &mut Reduced<T, M, N>,
         inverse: &mut [T; M],
     ) -> bool {
+        let mut nowhere = const { [[T::ZERO; N]; M] };
+        let (panel, direct) = match place {
+            Place::Panel(panel) => (panel, None),
+            Place::Columns(direct) => (&mut nowhere, Some(direct)),
+        };
         *inverse = q.inverse;
         let mut signs = 0;
         let mut total = T::zero();
@@ -219,7 +196,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                 each_row!(m; c[m] = if FIRST < NONE {
                     self.hi[at($j, FIRST + m)]
                 } else {
-                    reduced[m][$j]
+                    panel[m][$j]
                 });
                 c
             }};
@@ -227,13 +204,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         macro_rules! one {
             ($j:literal, $c:expr, $d:expr, $dx:expr) => {{
                 let (c, d) = ($c, $d);
-                if !in_place::<M, FIRST>() {
-                    each_row!(m; reduced[m][$j] = c[m]);
+                if FIRST == NONE {
+                    each_row!(m; panel[m][$j] = c[m]);
                 }
                 let before = self.hi[upper($j, $j)];
                 let after = match direct {
                     Some(b) if measured::<M, FIRST>($j) => {
-                        back(&times(&c, &b.shrink), &b.back)[$j - FIRST]
+                        b.k_r(&c)[$j - FIRST]
                     }
                     _ => two_add(before, self.lo[upper($j, $j)], -d).0,
                 };
@@ -275,12 +252,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         }
         macro_rules! single {
             ($j:literal) => {
-                let mut c = panel!($j);
-                each_row!(m; {
-                    let mut x = c[m];
-                    each_row!(k; if k < m { x -= q.l[k][m] * c[k] });
-                    c[m] = x;
-                });
+                let c = forward(&panel!($j), &q.l);
                 one!($j, c, dot(&c, &times(&c, &q.inverse)), dot(&c, &q.gain));
                 in_order();
             };
@@ -296,84 +268,6 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         }
         signs >> 31 == 0 && total.finite()
     }
-
-    /// P ← P − Σ c cᵀ/s, three columns at a time, so that a panel entry is read once for three elements; rows and columns
-    /// of states measured by themselves ← K R.
-    #[inline(never)]
-    fn sweep<const M: usize, const FIRST: usize>(
-        &mut self,
-        reduced: &Reduced<T, M, N>,
-        inverse: &[T; M],
-        direct: Option<&Direct<T, M>>,
-    ) {
-        let (reduced, inverse) = match M {
-            1 => (reduced, inverse),
-            _ => black_box((reduced, inverse)), // read where it is each time: the compiler would copy it first
-        };
-        macro_rules! c {
-            ($state:literal) => {{
-                let mut c = const { [T::ZERO; M] };
-                each_row!(m; c[m] = if in_place::<M, FIRST>() {
-                    self.hi[at($state, FIRST)]
-                } else {
-                    reduced[m][$state]
-                });
-                c
-            }};
-        }
-        macro_rules! tile {
-            ($a:literal, $b:literal, $c:literal) => {{
-                let g = [
-                    times(&c!($a), inverse),
-                    times(&c!($b), inverse),
-                    times(&c!($c), inverse),
-                ];
-                macro_rules! one {
-                    ($i:literal) => {
-                        let c = c!($i);
-                        self.lower::<M, FIRST, $i, $a>(&c, &g[0]);
-                        self.lower::<M, FIRST, $i, $b>(&c, &g[1]);
-                        self.lower::<M, FIRST, $i, $c>(&c, &g[2]);
-                        if M > 1 {
-                            in_order();
-                        }
-                    };
-                }
-                each_state!(one);
-            }};
-        }
-        tile!(0, 1, 2);
-        tile!(3, 4, 5);
-        tile!(6, 7, 8);
-        tile!(9, 10, 11);
-        tile!(12, 13, 14);
-        let Some(b) = direct else { return };
-        if FIRST < NONE {
-            macro_rules! one {
-                ($i:literal) => {
-                    let x = back(&times(&c!($i), &b.shrink), &b.back);
-                    each_row!(m; if at($i, FIRST + m) == upper($i, FIRST + m) || !measured::<M, FIRST>($i) {
-                        let k = at($i, FIRST + m);
-                        (self.hi[k], self.lo[k]) = (x[m], T::zero());
-                    });
-                };
-            }
-            each_state!(one);
-        }
-    }
-
-    /// Element (I, J) of the upper triangle, unless its row or column belongs to a measured state.
-    #[inline(always)]
-    fn lower<const M: usize, const FIRST: usize, const I: usize, const J: usize>(
-        &mut self,
-        c: &[T; M],
-        g: &[T; M],
-    ) {
-        if I <= J && !measured::<M, FIRST>(I) && !measured::<M, FIRST>(J) {
-            let k = upper(I, J);
-            (self.hi[k], self.lo[k]) = two_add(self.hi[k], self.lo[k], -dot(c, g));
-        }
-    }
 }
 
 /// Innovations of rows whose signs have been turned.
@@ -382,18 +276,6 @@ fn turned<T: Real, const M: usize>(nu: &[T; M]) -> [T; M] {
     let mut x = *nu;
     each_row!(m; x[m] = -x[m]);
     x
-}
-
-/// Whether the panel is a column of P as it stands until the sweep has used it.
-#[inline(always)]
-const fn in_place<const M: usize, const FIRST: usize>() -> bool {
-    M == 1 && FIRST < NONE
-}
-
-/// Whether a row measures this state by itself.
-#[inline(always)]
-const fn measured<const M: usize, const FIRST: usize>(state: usize) -> bool {
-    FIRST < NONE && state >= FIRST && state < FIRST + M
 }
 
 #[cfg(test)]

@@ -124,16 +124,8 @@ impl Filter {
             report,
             units_from::<M, FIRST>,
             |p, job, room, out, accept| {
-                if job.considered == 0 {
-                    let lines = &job.lines;
-                    let done = if M > 1 {
-                        p.update_block_apart::<M, FIRST>(lines, out, accept)?
-                    } else {
-                        p.update_block::<M, FIRST>(lines, out, accept)?
-                    };
-                    if done {
-                        return Ok(());
-                    }
+                if job.considered == 0 && p.update_block::<M, FIRST>(&job.lines, out, accept)? {
+                    return Ok(());
                 }
                 update_carefully(p, Pattern::Direct { first: FIRST }, job, room, out, accept)
             },
