@@ -57,8 +57,6 @@ pub(super) struct Panel<'a, T, const N: usize> {
     pub c: &'a mut [[Pair<T>; N]],
     /// 1/s of each row given those before it; zero for a row that was gated out.
     pub inverse: &'a mut [Pair<T>],
-    /// c/s of one column of the triangle.
-    pub gain: &'a mut [Pair<T>],
     /// Variance that a measured state starts from once its row and column have been cleared; zero for the others.
     pub fresh: [T; N],
 }
@@ -69,11 +67,11 @@ fn held(considered: u32, i: usize) -> bool {
 }
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
-    /// All of [`Covariance::update_considering`] but the sizes.
+    /// All that can refuse the rows, `accept` included; they are then in `panel`, to be committed.
     #[cold]
     #[inline(never)]
-    pub(super) fn update_carefully(
-        &mut self,
+    pub(super) fn take_carefully(
+        &self,
         lines: &Lines<'_, T, N>,
         out: &mut Outcome<'_, T, N>,
         panel: &mut Panel<'_, T, N>,
@@ -86,9 +84,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             self.row(m, lines, out, panel)?;
         }
         self.check_variances(lines, out, panel)?;
-        accept(out.dx)?;
-        self.commit(lines.considered, panel);
-        Ok(())
+        accept(out.dx)
     }
 
     /// Forms row m given the rows before it, gates it and takes its share of δx. For itself, as the other two: nothing of
@@ -111,11 +107,11 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         };
 
         // the row by itself
-        *c = [Pair::zero(); N];
+        *c = [Pair::ZERO; N];
         self.add_product(c, h, none);
         let alone = inner(h, c, 0).hi + r;
         // given the rows before it
-        *c = [Pair::zero(); N];
+        *c = [Pair::ZERO; N];
         self.add_product(c, h, &panel.fresh);
         for (c_k, inverse) in earlier.iter().zip(inverse.iter()) {
             // what row k took from a pair of states, and from a pair of which one is held
@@ -153,8 +149,8 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             return Ok(());
         };
         if !used {
-            *inverse = Pair::zero();
-            *c = [Pair::zero(); N];
+            *inverse = Pair::ZERO;
+            *c = [Pair::ZERO; N];
             return Ok(());
         }
         *inverse = one_over_s;
@@ -195,13 +191,13 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             return if i == j {
                 Pair::of(fresh_j)
             } else {
-                Pair::zero()
+                Pair::ZERO
             };
         }
         let k = at(i, j);
         match (self.hi.get(k), self.lo.get(k)) {
             (Some(hi), Some(lo)) => Pair { hi: *hi, lo: *lo },
-            _ => Pair::zero(),
+            _ => Pair::ZERO,
         }
     }
 
@@ -220,7 +216,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         for (j, ((before, after), decrease)) in states {
             rolled();
             let fresh = panel.fresh.get(j).copied().unwrap_or_else(T::zero);
-            let mut d = Pair::zero();
+            let mut d = Pair::ZERO;
             let used = panel.c.iter().zip(panel.inverse.iter());
             for (c, inverse) in used.filter(|_| !held(lines.considered, j)) {
                 rolled();
@@ -239,19 +235,21 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         Ok(())
     }
 
-    /// P ← P − Σ c cᵀ/s, but for pairs of considered states.
+    /// P ← P − Σ c cᵀ/s of M rows, but for pairs of considered states.
     #[inline(never)]
-    fn commit(&mut self, considered: u32, panel: &mut Panel<'_, T, N>) {
+    pub(super) fn commit<const M: usize>(&mut self, considered: u32, panel: &Panel<'_, T, N>) {
+        self.commit_rows(considered, panel, &mut [Pair::ZERO; M]);
+    }
+
+    /// `gain`: room for c/s of one column of the triangle.
+    #[inline(never)]
+    fn commit_rows(&mut self, considered: u32, panel: &Panel<'_, T, N>, gain: &mut [Pair<T>]) {
         let mut k = 0;
         for (j, fresh_j) in looped(&panel.fresh).iter().enumerate() {
-            for ((g, c), inverse) in panel
-                .gain
-                .iter_mut()
-                .zip(panel.c.iter())
-                .zip(panel.inverse.iter())
-            {
+            let columns = panel.c.iter().zip(panel.inverse.iter());
+            for (g, (c, inverse)) in gain.iter_mut().zip(columns) {
                 rolled();
-                *g = c.get(j).map_or_else(Pair::zero, |c| c.mul(*inverse));
+                *g = c.get(j).map_or(Pair::ZERO, |c| c.mul(*inverse));
             }
             for (i, fresh_i) in panel.fresh.iter().enumerate().take(j + 1) {
                 rolled();
@@ -260,7 +258,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                     continue;
                 }
                 let mut p = self.base(i, j, *fresh_i, *fresh_j);
-                for (g, c) in panel.gain.iter().zip(panel.c.iter()) {
+                for (g, c) in gain.iter().zip(panel.c.iter()) {
                     rolled();
                     if let Some(c) = c.get(i) {
                         p = p.less_product(*c, *g);
@@ -338,7 +336,7 @@ fn not_positive<T: Real>(r: &T) -> bool {
 /// hᵀ c, states of which a bit is set in `without` left out.
 #[inline(never)]
 fn inner<T: Real, const N: usize>(h: &[T; N], c: &[Pair<T>; N], without: u32) -> Pair<T> {
-    let mut sum = Pair::zero();
+    let mut sum = Pair::ZERO;
     for (i, (h, c)) in looped(h).iter().zip(c).enumerate() {
         rolled();
         if *h != T::zero() && !held(without, i) {
@@ -383,7 +381,7 @@ fn replace<T: Real, const N: usize>(
     }
     for c in earlier.iter_mut().filter_map(|c| c.get_mut(k)) {
         rolled();
-        *c = Pair::zero();
+        *c = Pair::ZERO;
     }
 }
 

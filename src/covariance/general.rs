@@ -45,7 +45,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         // b[j] is column j of B = A P
         let mut j = 0;
         let b = [(); N].map(|()| {
-            let mut b = [Pair::zero(); N];
+            let mut b = [Pair::ZERO; N];
             let (hi, lo): ([T; N], [T; N]) = (column(&self.hi, j), column(&self.lo, j));
             for ((a, hi), lo) in a.column_iter().zip(hi).zip(lo) {
                 for (b, a) in b.iter_mut().zip(a.iter()) {
@@ -71,7 +71,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             }
             let columns = delta.iter().zip(b_j).zip(&b).take(j + 1);
             for (((d, b_ij), b_i), (hi, lo)) in columns.zip(words.by_ref()) {
-                let b_ji = b_i.get(j).copied().unwrap_or_else(Pair::zero);
+                let b_ji = b_i.get(j).copied().unwrap_or(Pair::ZERO);
                 let p = Pair { hi: *hi, lo: *lo }.add(b_ij.add(b_ji).add(*d));
                 (*hi, *lo) = (p.hi, p.lo);
             }

@@ -235,7 +235,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         out: &mut Slots<'_, T, M, N>,
         accept: &mut dyn FnMut(&[T; N]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let mut room = [[Pair::zero(); N]; M];
+        let mut room = [[Pair::ZERO; N]; M];
         self.carefully(rows, h, considered, &mut room, out, accept)
     }
 
@@ -270,11 +270,12 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         };
         let mut panel = Panel {
             c: room,
-            inverse: &mut [Pair::zero(); M],
-            gain: &mut [Pair::zero(); M],
+            inverse: &mut [Pair::ZERO; M],
             fresh: [T::ZERO; N],
         };
-        self.update_carefully(&lines, &mut outcome, &mut panel, accept)
+        self.take_carefully(&lines, &mut outcome, &mut panel, accept)?;
+        self.commit::<M>(considered, &panel);
+        Ok(())
     }
 }
 

@@ -68,7 +68,7 @@ impl Room {
         loop {
             match self {
                 Self::Pairs(rows) => return rows.first_chunk_mut(),
-                _ => *self = Self::Pairs([[Pair::zero(); N]; ROWS / 2]),
+                _ => *self = Self::Pairs(const { [[Pair::ZERO; N]; ROWS / 2] }),
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The sparsity pattern of a first-order transition, as plain data.
 
 use super::Real;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{ArrayStorage, Matrix3, Vector3};
 
 /// A = Φ − I of five 3-blocks (0 … 4) and the process noise of blocks 1 … 4: the input of the structured covariance
 /// kernel.
@@ -46,22 +46,29 @@ pub struct BlockTransition<T: Real> {
 impl<T: Real> BlockTransition<T> {
     /// Φ = I: nothing moves, no noise.
     #[must_use]
+    #[inline(always)]
     pub fn identity() -> Self {
-        let o = T::zero();
-        Self {
-            a00: Matrix3::zeros(),
-            a01: Vector3::zeros(),
-            a10: Vector3::zeros(),
-            a11: Matrix3::zeros(),
-            a12: Matrix3::zeros(),
-            a14: Matrix3::zeros(),
-            a22: Matrix3::zeros(),
-            a23: Matrix3::zeros(),
-            a33: o,
-            a44: o,
-            q: [o; 12],
-        }
+        Self::IDENTITY
     }
+
+    /// Made at compile time, so that no opt-level forms it on the stack first.
+    const IDENTITY: Self = {
+        let zero = Matrix3::from_array_storage(ArrayStorage([[T::ZERO; 3]; 3]));
+        let none = Vector3::from_array_storage(ArrayStorage([[T::ZERO; 3]; 1]));
+        Self {
+            a00: zero,
+            a01: none,
+            a10: none,
+            a11: zero,
+            a12: zero,
+            a14: zero,
+            a22: zero,
+            a23: zero,
+            a33: T::ZERO,
+            a44: T::ZERO,
+            q: [T::ZERO; 12],
+        }
+    };
 
     /// The same A as a dense matrix, for the general kernel and for tests.
     #[must_use]

@@ -24,10 +24,11 @@ impl<T: Real> Pair<T> {
         Self { hi, lo: T::zero() }
     }
 
-    #[inline(always)]
-    pub fn zero() -> Self {
-        Self::of(T::zero())
-    }
+    /// A constant, for the same reason as [`Real::ZERO`].
+    pub const ZERO: Self = Self {
+        hi: T::ZERO,
+        lo: T::ZERO,
+    };
 
     /// a + b exactly.
     #[inline(always)]
