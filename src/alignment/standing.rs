@@ -569,7 +569,7 @@ impl<const K: usize> StandingAlignment<K> {
     #[inline(never)]
     fn begin_levelled(&mut self, progress: &mut Progress) -> Result<(), Error> {
         let started = self.start_levelled();
-        let (level, still) = match &started {
+        let (sigma, force, still) = match &started {
             Ok(ready) => ready, // where it is: a copy would lie below the update
             Err(error) => return Err(*error),
         };
@@ -581,12 +581,17 @@ impl<const K: usize> StandingAlignment<K> {
         if let Progress::Updated(report) = progress {
             learn(filter, still, report)?;
         }
-        self.started_levelled(level, progress)
+        self.started_levelled(*sigma, *force, progress)
     }
 
-    /// What the filter started with.
+    /// What the filter started with: σ of pitch and roll, and the mean specific force.
     #[inline(never)]
-    fn started_levelled(&self, level: &Level, progress: &mut Progress) -> Result<(), Error> {
+    fn started_levelled(
+        &self,
+        sigma: f32,
+        force: f32,
+        progress: &mut Progress,
+    ) -> Result<(), Error> {
         let (Stage::Fine(filter), Some(outside)) = (&self.stage, &self.outside) else {
             return Err(Error::OutOfRange); // never: it has just been started
         };
@@ -594,23 +599,28 @@ impl<const K: usize> StandingAlignment<K> {
         *progress = Progress::Started(CoarseSolution {
             c_b_n: filter.nav().c_b_n(),
             sigma_heading: outside.sigma(),
-            sigma_level: level.sigma,
+            sigma_level: sigma,
             motion: 0.0,
-            gravity_ratio: level.force / local.gravity,
+            gravity_ratio: force / local.gravity,
             earth_rate_ratio: 0.0,
         });
         Ok(())
     }
 
-    /// The filter takes the place of the window; the mean rate is still to be learnt.
+    /// The filter takes the place of the window, whose σ of the level and mean specific force are returned, and the mean
+    /// rate that is still to be learnt.
     #[inline(never)]
-    fn start_levelled(&mut self) -> Result<(Level, ZeroRotation), Error> {
+    fn start_levelled(&mut self) -> Result<(f32, f32, ZeroRotation), Error> {
         let (Stage::Level(window), Some(outside)) = (&self.stage, &self.outside) else {
             return Err(Error::OutOfRange);
         };
-        let ready = window.ready(self.position, Some(outside), &self.prior, &self.settings)?;
-        self.run(ready.euler, ready.attitude)?;
-        Ok((ready.level, ready.still))
+        match &window.ready(self.position, Some(outside), &self.prior, &self.settings) {
+            Ok(ready) => {
+                self.run(ready.euler, ready.attitude)?;
+                Ok((ready.level.sigma, ready.level.force, ready.still))
+            }
+            Err(error) => Err(*error),
+        }
     }
 }
 

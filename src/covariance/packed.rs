@@ -88,24 +88,32 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     pub fn from_matrix(p: &SMatrix<T, N, N>) -> Result<Self, Error> {
         const { Self::SIZE };
         let p = |i: usize, j: usize| p.get((i, j)).copied().unwrap_or_else(T::zero);
-        let mut packed = Self::zero();
-        Self::pack(p, &mut packed.hi)?;
-        Ok(packed)
+        Self::check(&p)?;
+        Ok(Self::of(&p))
     }
 
-    /// The high words of the matrix with these elements, if [`Covariance::from_matrix`] accepts it: the mean of its two
-    /// halves. After an error they mean nothing.
+    /// Whether [`Covariance::from_matrix`] accepts the matrix with these elements.
     #[inline(never)]
-    pub(crate) fn pack(p: impl Fn(usize, usize) -> T, words: &mut [T; L]) -> Result<(), Error> {
+    pub(crate) fn check(p: &impl Fn(usize, usize) -> T) -> Result<(), Error> {
         if !(0..N).all(|j| (0..N).all(|i| p(i, j).finite())) {
             return Err(Error::NonFinite);
         }
-        check_positive::<T, N>(&p, words)?;
-        let places = (0..N).flat_map(|j| (0..=j).map(move |i| (i, j)));
-        for (word, (i, j)) in words.iter_mut().zip(places) {
-            *word = T::of(0.5) * (p(i, j) + p(j, i));
+        check_positive::<T, N>(p, &mut [T::ZERO; L])
+    }
+
+    /// Of the matrix with these elements, the mean of its two halves; nothing is checked. Written where the caller wants it:
+    /// of a triangle that is filled through a reference the stack would have two.
+    #[inline(never)]
+    pub(crate) fn of(p: &impl Fn(usize, usize) -> T) -> Self {
+        let (mut i, mut j) = (0, 0);
+        Self {
+            hi: [(); L].map(|()| {
+                let word = T::of(0.5) * (p(i, j) + p(j, i));
+                (i, j) = if i < j { (i + 1, j) } else { (0, j + 1) };
+                word
+            }),
+            lo: [T::ZERO; L],
         }
-        Ok(())
     }
 
     /// Into packed words that are zero: the variances of independent states.
@@ -116,15 +124,6 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
             if let Some(word) = words.get_mut(upper(j, j)) {
                 *word = *variance;
             }
-        }
-    }
-
-    /// Of packed high words.
-    #[inline(always)]
-    pub(crate) fn of_packed(hi: &[T; L]) -> Self {
-        Self {
-            hi: *hi,
-            lo: [T::zero(); L],
         }
     }
 

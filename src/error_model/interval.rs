@@ -113,7 +113,7 @@ impl<T: Real> Scaling<T> {
     }
 
     /// [`Scaling::new`] of units above zero and of a bias model and noise that have been checked.
-    #[inline(always)]
+    #[inline(never)] // so that a caller who puts it into something has none of it on the stack
     pub(crate) fn of(unit: &[T; 15], bias: &BiasModel<T>, noise: &NoiseDensity<T>) -> Self {
         let mut scaling = Self::blank(bias);
         scaling.fill(unit, noise);

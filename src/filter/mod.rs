@@ -43,9 +43,6 @@ use nalgebra::SMatrix;
 use room::Room;
 use update::MAX_MAGNITUDE;
 
-/// Words of a packed covariance.
-const WORDS: usize = N * (N + 1) / 2;
-
 /// The navigator and its filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
@@ -128,10 +125,9 @@ impl Filter {
                 p0(i, j) / unit(j) / unit(i)
             }
         };
-        let mut words = [0.0; WORDS];
-        Covariance15::pack(correlation, &mut words)?;
+        Covariance15::check(&correlation)?;
         settings.check()?;
-        Ok(Self::with(nav, &start, settings, &words))
+        Ok(Self::with(nav, &start, settings, &correlation))
     }
 
     /// [`Filter::new`] of what has been checked.
@@ -144,14 +140,17 @@ impl Filter {
         }
     }
 
-    /// With this covariance, packed.
+    /// With these correlations.
     #[inline(never)]
-    fn with(nav: &NavState, start: &Start, settings: &Settings, words: &[f32; WORDS]) -> Self {
-        let scaling = Scaling::of(&start.unit, &settings.bias, &settings.noise);
-        let covariance = Covariance15::of_packed(words);
+    fn with(
+        nav: &NavState,
+        start: &Start,
+        settings: &Settings,
+        correlation: &impl Fn(usize, usize) -> f32,
+    ) -> Self {
         Self {
-            covariance,
-            scaling,
+            covariance: Covariance15::of(correlation),
+            scaling: Scaling::of(&start.unit, &settings.bias, &settings.noise),
             ..Self::blank(nav, start, settings)
         }
     }
