@@ -10,24 +10,31 @@
 //! Three numbers at a time, spelled out for opt-level "s".
 
 use crate::error_model::{Interval, NoiseDensity, N};
+use crate::linalg::{columns, cross, dot, minus, plus, scaled, transformed};
 use crate::measurement::AntennaRows;
+use nalgebra::Vector3;
 
 /// Three components of a vector, of a row, or of a column.
-type Three = [f32; 3];
+type Three = Vector3<f32>;
+
+const NOTHING: Three = Three::new(0.0, 0.0, 0.0);
 
 /// An error of the end of a segment, as it was at its beginning.
 #[inline(never)]
 pub(super) fn undo(segment: &Interval<f32>, dx: &mut [f32; N]) {
-    let [r_e, r_n, r_u, v_e, v_n, v_u, p_e, p_n, p_u, g_x, g_y, g_z, a_x, a_y, a_z] = *dx;
-    let (r, v, psi) = ([r_e, r_n, r_u], [v_e, v_n, v_u], [p_e, p_n, p_u]);
-    let (f, t) = (vector(segment), segment.dt);
-    let psi0 = plus(psi, turned(segment, [g_x, g_y, g_z]));
-    let by_force = cross(f, scaled(plus(psi, psi0), 0.5));
-    let v0 = minus(v, plus(by_force, turned(segment, [a_x, a_y, a_z])));
-    let r0 = minus(r, scaled(plus(v, v0), 0.5 * t));
-    [dx[0], dx[1], dx[2]] = r0;
-    [dx[3], dx[4], dx[5]] = v0;
-    [dx[6], dx[7], dx[8]] = psi0;
+    let Interval { c_dt, f_dt, dt } = segment;
+    let [r, v, psi] = motion(dx);
+    let (b_g, b_a) = (
+        Three::new(dx[9], dx[10], dx[11]),
+        Three::new(dx[12], dx[13], dx[14]),
+    );
+    let psi0 = plus(&psi, &transformed(c_dt, &b_g));
+    let by_force = cross(f_dt, &scaled(&plus(&psi, &psi0), 0.5));
+    let v0 = minus(&v, &plus(&by_force, &transformed(c_dt, &b_a)));
+    let r0 = minus(&r, &scaled(&plus(&v, &v0), 0.5 * dt));
+    [dx[0], dx[1], dx[2]] = r0.into();
+    [dx[3], dx[4], dx[5]] = v0.into();
+    [dx[6], dx[7], dx[8]] = psi0.into();
 }
 
 /// The same as a matrix, segment after segment: error then = (this) · error now. Matrices by columns.
@@ -52,56 +59,56 @@ impl Back {
     /// No time at all.
     pub const NONE: Self = Self {
         t: 0.0,
-        f: [0.0; 3],
-        g: [0.0; 3],
-        c: [[0.0; 3]; 3],
-        d: [[0.0; 3]; 3],
-        w: [[0.0; 3]; 3],
-        u: [[0.0; 3]; 3],
+        f: NOTHING,
+        g: NOTHING,
+        c: [NOTHING; 3],
+        d: [NOTHING; 3],
+        w: [NOTHING; 3],
+        u: [NOTHING; 3],
     };
 
     /// Further back by one segment.
     #[inline(never)]
     pub fn over(&mut self, segment: &Interval<f32>) {
-        let (f, t) = (vector(segment), segment.dt);
-        let columns = &segment.c_dt.data.0;
+        let (f, t) = (&segment.f_dt, segment.dt);
+        let columns = columns(&segment.c_dt);
         macro_rules! column {
             ($k:literal) => {
                 // halfway
-                let c = plus(self.c[$k], scaled(columns[$k], 0.5));
-                let half = scaled(cross(f, c), 0.5);
-                let w = plus(self.w[$k], half);
-                self.d[$k] = plus(self.d[$k], scaled(c, t));
-                self.u[$k] = plus(self.u[$k], scaled(w, t));
-                self.w[$k] = plus(w, half);
-                self.c[$k] = plus(self.c[$k], columns[$k]);
+                let c = plus(&self.c[$k], &scaled(&columns[$k], 0.5));
+                let half = scaled(&cross(f, &c), 0.5);
+                let w = plus(&self.w[$k], &half);
+                self.d[$k] = plus(&self.d[$k], &scaled(&c, t));
+                self.u[$k] = plus(&self.u[$k], &scaled(&w, t));
+                self.w[$k] = plus(&w, &half);
+                self.c[$k] = plus(&self.c[$k], &columns[$k]);
             };
         }
         column!(0);
         column!(1);
         column!(2);
-        self.g = plus(self.g, scaled(plus(self.f, scaled(f, 0.5)), t));
-        self.f = plus(self.f, f);
+        self.g = plus(&self.g, &scaled(&plus(&self.f, &scaled(f, 0.5)), t));
+        self.f = plus(&self.f, f);
         self.t += t;
     }
 
     /// A row of then becomes a row on the error of now; the variance that the process noise since then has in it.
     #[inline(never)]
     pub fn carry(&self, row: &mut [f32; N], noise: &NoiseDensity<f32>) -> f32 {
-        let [r_e, r_n, r_u, v_e, v_n, v_u, p_e, p_n, p_u, ..] = *row;
-        let (r, v, psi) = ([r_e, r_n, r_u], [v_e, v_n, v_u], [p_e, p_n, p_u]);
-        [row[3], row[4], row[5]] = minus(v, scaled(r, self.t));
-        [row[6], row[7], row[8]] = plus(minus(psi, cross(v, self.f)), cross(r, self.g));
+        let [r, v, psi] = motion(row);
+        [row[3], row[4], row[5]] = minus(&v, &scaled(&r, self.t)).into();
+        let turned = minus(&psi, &cross(&v, &self.f));
+        [row[6], row[7], row[8]] = plus(&turned, &cross(&r, &self.g)).into();
         macro_rules! bias {
             ($k:literal) => {
-                row[9 + $k] += dot(psi, self.c[$k]) - dot(v, self.w[$k]) + dot(r, self.u[$k]);
-                row[12 + $k] += dot(r, self.d[$k]) - dot(v, self.c[$k]);
+                row[9 + $k] += dot(&psi, &self.c[$k]) - dot(&v, &self.w[$k]) + dot(&r, &self.u[$k]);
+                row[12 + $k] += dot(&r, &self.d[$k]) - dot(&v, &self.c[$k]);
             };
         }
         bias!(0);
         bias!(1);
         bias!(2);
-        self.noise(r, v, psi, noise)
+        self.noise(&[r, v, psi], noise)
     }
 
     /// The rows of an antenna, carried, into `h`, which holds zeros and of which M is 6; and their [`Back::noise`].
@@ -111,7 +118,7 @@ impl Back {
         noise: &NoiseDensity<f32>,
         h: &mut [[f32; M]; N],
     ) -> [f32; M] {
-        let ([o], [m], [of_r, of_v]) = (rows.offset.data.0, rows.motion.data.0, &rows.lower);
+        let (o, m, [of_r, of_v]) = (&rows.offset, &rows.motion, &rows.lower);
         let mut q = [0.0; M];
         if M != 6 {
             return q;
@@ -119,24 +126,24 @@ impl Back {
         macro_rules! set {
             ($j:expr, $row:literal, $lower:ident, $x:expr) => {{
                 let x: Three = $x;
-                let north = x[1] - $lower[0] * x[0];
-                h[$j][$row] = x[0];
+                let north = x.y - $lower[0] * x.x;
+                h[$j][$row] = x.x;
                 h[$j][$row + 1] = north;
-                h[$j][$row + 2] = x[2] - $lower[1] * x[0] - $lower[2] * north;
+                h[$j][$row + 2] = x.z - $lower[1] * x.x - $lower[2] * north;
             }};
         }
         // x times I, and [x ×]
         macro_rules! three {
             ($j:literal, $row:literal, $lower:ident, $x:expr) => {
-                set!($j, $row, $lower, [$x, 0.0, 0.0]);
-                set!($j + 1, $row, $lower, [0.0, $x, 0.0]);
-                set!($j + 2, $row, $lower, [0.0, 0.0, $x]);
+                set!($j, $row, $lower, Three::new($x, 0.0, 0.0));
+                set!($j + 1, $row, $lower, Three::new(0.0, $x, 0.0));
+                set!($j + 2, $row, $lower, Three::new(0.0, 0.0, $x));
             };
             (skew, $row:literal, $lower:ident, $x:expr) => {
                 let x: Three = $x;
-                set!(6, $row, $lower, [0.0, x[2], -x[1]]);
-                set!(7, $row, $lower, [-x[2], 0.0, x[0]]);
-                set!(8, $row, $lower, [x[1], -x[0], 0.0]);
+                set!(6, $row, $lower, Three::new(0.0, x.z, -x.y));
+                set!(7, $row, $lower, Three::new(-x.z, 0.0, x.x));
+                set!(8, $row, $lower, Three::new(x.y, -x.x, 0.0));
             };
         }
         // as they were then
@@ -147,24 +154,32 @@ impl Back {
         macro_rules! noise {
             ($($row:literal)*) => {
                 $(q[$row] = self.noise(
-                    [h[0][$row], h[1][$row], h[2][$row]],
-                    [h[3][$row], h[4][$row], h[5][$row]],
-                    [h[6][$row], h[7][$row], h[8][$row]],
+                    &[
+                        Three::new(h[0][$row], h[1][$row], h[2][$row]),
+                        Three::new(h[3][$row], h[4][$row], h[5][$row]),
+                        Three::new(h[6][$row], h[7][$row], h[8][$row]),
+                    ],
                     noise,
                 );)*
             };
         }
         noise!(0 1 2 3 4 5);
         three!(3, 0, of_r, self.t);
-        three!(skew, 0, of_r, scaled(plus(o, self.g), -1.0));
-        three!(skew, 3, of_v, minus(self.f, m));
+        three!(skew, 0, of_r, scaled(&plus(o, &self.g), -1.0));
+        three!(skew, 3, of_v, minus(&self.f, m));
+        let turned = columns(&rows.turned);
         macro_rules! bias {
             ($k:literal) => {
-                let (c, turned) = (self.c[$k], rows.turned.data.0[$k]);
-                set!(9 + $k, 0, of_r, minus(cross(c, o), self.u[$k]));
-                set!(9 + $k, 3, of_v, plus(plus(turned, cross(c, m)), self.w[$k]));
-                set!(12 + $k, 0, of_r, scaled(self.d[$k], -1.0));
-                set!(12 + $k, 3, of_v, c);
+                let c = &self.c[$k];
+                set!(9 + $k, 0, of_r, minus(&cross(c, o), &self.u[$k]));
+                set!(
+                    9 + $k,
+                    3,
+                    of_v,
+                    plus(&plus(&turned[$k], &cross(c, m)), &self.w[$k])
+                );
+                set!(12 + $k, 0, of_r, scaled(&self.d[$k], -1.0));
+                set!(12 + $k, 3, of_v, *c);
             };
         }
         bias!(0);
@@ -175,55 +190,20 @@ impl Back {
 
     /// Variance that the process noise since then has in a row of then: its elements on δr, δv and ψ.
     #[inline(always)]
-    fn noise(&self, r: Three, v: Three, psi: Three, noise: &NoiseDensity<f32>) -> f32 {
+    fn noise(&self, [r, v, psi]: &[Three; 3], noise: &NoiseDensity<f32>) -> f32 {
         let (on_v, on_psi) = (noise.velocity * self.t, noise.attitude * self.t);
         let on_r = on_v * self.t * self.t * (1.0 / 3.0);
         dot(r, r) * on_r + dot(v, v) * on_v + dot(psi, psi) * on_psi
     }
 }
 
-/// ∫f dt
+/// Position, velocity and attitude of an error or a row.
 #[inline(always)]
-fn vector(segment: &Interval<f32>) -> Three {
-    segment.f_dt.data.0[0]
-}
-
-/// ∫C dt x
-#[inline(always)]
-fn turned(segment: &Interval<f32>, x: Three) -> Three {
-    let c = &segment.c_dt.data.0;
-    plus(
-        scaled(c[0], x[0]),
-        plus(scaled(c[1], x[1]), scaled(c[2], x[2])),
-    )
-}
-
-#[inline(always)]
-fn plus(a: Three, b: Three) -> Three {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-#[inline(always)]
-fn minus(a: Three, b: Three) -> Three {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-fn scaled(a: Three, by: f32) -> Three {
-    [a[0] * by, a[1] * by, a[2] * by]
-}
-
-#[inline(always)]
-fn dot(a: Three, b: Three) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn cross(a: Three, b: Three) -> Three {
+fn motion(x: &[f32; N]) -> [Three; 3] {
     [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
+        Three::new(x[0], x[1], x[2]),
+        Three::new(x[3], x[4], x[5]),
+        Three::new(x[6], x[7], x[8]),
     ]
 }
 
