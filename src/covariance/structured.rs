@@ -461,6 +461,21 @@ mod tests {
     }
 
     #[test]
+    fn what_is_cut_elsewhere_is_the_same_number() {
+        let p = [1.0f32, -0.7, 3e-4];
+        let low = [2e-8f32, 1.5e-8, -1e-11];
+        let (h, l) = recut(p, low);
+        for i in 0..3 {
+            let stored = f64::from(p[i]) + f64::from(low[i]);
+            let cut = f64::from(h[i]) + f64::from(l[i]);
+            // the second word is below an eighth of the first, and rounded once
+            let rounding = f64::from(l[i].abs()) * 2f64.powi(-24);
+            assert!((cut - stored).abs() <= rounding, "{i}");
+            assert!(h[i] != p[i] && l[i].abs() <= 0.125 * p[i].abs(), "{i}");
+        }
+    }
+
+    #[test]
     fn every_entry_of_the_pattern_is_used_once() {
         let (p0, t) = some();
         let phi = SMatrix::identity() + t.dense();
