@@ -37,27 +37,29 @@ impl<T: Real, const M: usize> Direct<T, M> {
     }
 }
 
-/// All elements of P but those of measured states: three columns at a time, so that an entry of c is read once for three.
+/// All elements of P but those of measured states: several columns at a time, so that an entry of c is read once for all
+/// of them. Up to three rows leave registers for six columns, of which 3, 4, 5 stand alone: they are the velocity, of which
+/// a sweep by its own columns has nothing to do.
 macro_rules! tiles {
     ($p:ident, $m:ident, $first:ident, $c:ident, $inverse:ident) => {
-        tiles!(@ $p, $m, $first, $c, $inverse, 0, 1, 2);
-        tiles!(@ $p, $m, $first, $c, $inverse, 3, 4, 5);
-        tiles!(@ $p, $m, $first, $c, $inverse, 6, 7, 8);
-        tiles!(@ $p, $m, $first, $c, $inverse, 9, 10, 11);
-        tiles!(@ $p, $m, $first, $c, $inverse, 12, 13, 14);
+        if $m > 3 {
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 0, 1 1, 2 2);
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 3, 1 4, 2 5);
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 6, 1 7, 2 8);
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 9, 1 10, 2 11);
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 12, 1 13, 2 14);
+        } else {
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 0, 1 1, 2 2, 3 6, 4 7, 5 8);
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 3, 1 4, 2 5);
+            tiles!(@ $p, $m, $first, $c, $inverse; 0 9, 1 10, 2 11, 3 12, 4 13, 5 14);
+        }
     };
-    (@ $p:ident, $m:ident, $first:ident, $c:ident, $inverse:ident, $j:literal, $k:literal, $l:literal) => {{
-        let g = [
-            times(&$c!($j), $inverse),
-            times(&$c!($k), $inverse),
-            times(&$c!($l), $inverse),
-        ];
+    (@ $p:ident, $m:ident, $first:ident, $c:ident, $inverse:ident; $($n:literal $j:literal),*) => {{
+        let g = [$(times(&$c!($j), $inverse)),*];
         macro_rules! row {
             ($i:literal) => {
                 let c = $c!($i);
-                $p.lower::<$m, $first, $i, $j>(&c, &g[0]);
-                $p.lower::<$m, $first, $i, $k>(&c, &g[1]);
-                $p.lower::<$m, $first, $i, $l>(&c, &g[2]);
+                $($p.lower::<$m, $first, $i, $j>(&c, &g[$n]);)*
                 if $m > 1 {
                     in_order();
                 }
