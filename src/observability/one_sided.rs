@@ -103,32 +103,30 @@ impl<T: Real, const N: usize> Triangle<T, N> {
     }
 
     /// Adds a row by Givens rotations.
+    #[inline]
     pub fn add(&mut self, row: &[T; N]) {
         let mut new = *row;
         for (i, r) in self.rows.iter_mut().enumerate() {
-            let (Some(r), Some(new)) = (r.get_mut(i..), new.get_mut(i..)) else {
+            let r = r.get_mut(i..).and_then(<[T]>::split_first_mut);
+            let new = new.get_mut(i..).and_then(<[T]>::split_first_mut);
+            let (Some((a, r)), Some((b, new))) = (r, new) else {
                 return;
             };
-            let (Some(a), Some(b)) = (r.first().copied(), new.first().copied()) else {
-                return;
-            };
-            if b == T::zero() {
+            if *b == T::zero() {
                 continue;
             }
             // The larger of the two is taken out, so that no square overflows or vanishes.
             let (cos, sin) = if a.abs() > b.abs() {
-                let t = b / a;
+                let t = *b / *a;
                 let c = T::one() / (T::one() + t * t).root();
                 (c, c * t)
             } else {
-                let t = a / b;
+                let t = *a / *b;
                 let s = T::one() / (T::one() + t * t).root();
                 (s * t, s)
             };
+            (*a, *b) = (cos * *a + sin * *b, T::zero());
             turn(r, new, cos, sin);
-            if let Some(x) = new.first_mut() {
-                *x = T::zero();
-            }
         }
     }
 

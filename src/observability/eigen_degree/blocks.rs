@@ -3,6 +3,7 @@
 use nalgebra::SMatrix;
 
 use crate::linalg::Real;
+use crate::observability::vector;
 
 /// Units in which Q is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,21 +67,8 @@ impl<T: Real, const N: usize, const M: usize> Blocks<T, N, M> {
             .interval
             .map_or(T::one(), |t| t / T::of(f64::from(order)));
         if let Some(row) = self.rows.get_mut(m) {
-            let mut next = [T::zero(); N];
-            for (i, (x, unit)) in row.iter().zip(&form.state).enumerate() {
-                if *x == T::zero() {
-                    continue;
-                }
-                let x = *x / *unit;
-                for (sum, column) in next.iter_mut().zip(&f.data.0) {
-                    if let Some(entry) = column.get(i) {
-                        *sum += x * *entry;
-                    }
-                }
-            }
-            for ((x, sum), own) in row.iter_mut().zip(&next).zip(&form.state) {
-                *x = *sum * weight * *own;
-            }
+            *row = vector::times(row, &form.state, f);
+            vector::combine(row, &form.state, |x, unit| x * weight * unit);
         }
         let complete = m + 1 >= M;
         if complete {

@@ -20,7 +20,8 @@ use nalgebra::SMatrix;
 
 use crate::error::Error;
 use crate::linalg::Real;
-use rows::{get, normalise, square, subtract, Rows};
+use crate::observability::vector::{self, dot};
+use rows::{get, normalise, subtract, Rows};
 
 /// Largest number of states, so that an index fits the tables.
 const MOST: usize = 64;
@@ -154,7 +155,7 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
     ///
     /// [`Error::NonFinite`]; [`Error::OutOfRange`] after 255 segments. Nothing is changed then.
     pub fn begin(&mut self, h: &SMatrix<T, M, N>) -> Result<(), Error> {
-        if !h.as_slice().iter().all(|x| x.finite()) {
+        if !h.data.0.iter().all(vector::finite) {
             return Err(Error::NonFinite);
         }
         if self.segments == u8::MAX {
@@ -166,18 +167,11 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
         self.next = 0;
         self.work.phase = Phase::CheckModel;
         self.alive = if M >= 64 { u64::MAX } else { (1 << M) - 1 };
-        for (((row, exponent), source), m) in self
-            .chain
-            .iter_mut()
-            .zip(&mut self.exponent)
-            .zip(h.row_iter())
-            .zip(0..)
-        {
-            for ((x, entry), unit) in row.iter_mut().zip(source.iter()).zip(&self.scale.unit) {
-                *x = *entry * *unit;
-            }
+        for (m, (row, exponent)) in self.chain.iter_mut().zip(&mut self.exponent).enumerate() {
+            *row = vector::row(h, m);
+            vector::combine(row, &self.scale.unit, |entry, unit| entry * unit);
             *exponent = normalise(row);
-            if square(row) == T::zero() {
+            if dot(row, row) == T::zero() {
                 self.alive &= !(1 << (m & 63));
             }
         }
@@ -261,16 +255,17 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
                 break;
             }
         }
-        let row = get(&self.chain, self.work.m, [T::zero(); N]);
-        self.work.row = match before {
-            None => row,
-            Some(phi) => self.times(&row, phi, T::one()),
-        };
+        if let Some(row) = self.chain.get(self.work.m) {
+            match before {
+                None => self.work.row.copy_from_slice(row),
+                Some(phi) => self.work.row = self.times(row, phi, T::one()),
+            }
+        }
         self.work.q = [T::zero(); N];
         if let Some(own) = self.work.q.get_mut(self.rows.len) {
             *own = T::one();
         }
-        self.work.length = square(&self.work.row);
+        self.work.length = dot(&self.work.row, &self.work.row);
         self.work.at = 0;
         self.work.fresh = false;
         self.work.phase = Phase::Reduce;
@@ -291,15 +286,13 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
             return;
         }
         let tolerance = self.scale.tolerance;
-        work.fresh = square(&work.row) > tolerance * tolerance * work.length;
+        work.fresh = dot(&work.row, &work.row) > tolerance * tolerance * work.length;
         work.at = 0;
         if !work.fresh {
             return self.go_on_own();
         }
-        let (pivot, inverse) = self.rows.choose(&mut work.row, &self.weight);
-        for x in &mut work.q {
-            *x *= inverse;
-        }
+        let (pivot, inverse) = Rows::choose(&mut work.row, &self.weight);
+        vector::scale(&mut work.q, inverse);
         work.phase = Phase::Clear { pivot: pivot as u8 };
     }
 
@@ -319,7 +312,7 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
             self.origin.get_mut(self.rows.len),
         );
         if let (Some(p), Some(origin)) = place {
-            *p = work.q;
+            p.copy_from_slice(&work.q);
             *origin = Origin {
                 segment: self.segments - 1,
                 order: self.order,
@@ -337,9 +330,10 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
             self.work.phase = Phase::Derive;
             return;
         }
-        let row = get(&self.chain, self.work.m, [T::zero(); N]);
-        self.work.row = row;
-        self.work.length = square(&row);
+        if let Some(row) = self.chain.get(self.work.m) {
+            self.work.row.copy_from_slice(row);
+            self.work.length = dot(row, row);
+        }
         self.work.at = 0;
         self.work.phase = Phase::ReduceOwn;
     }
@@ -352,10 +346,10 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
             return;
         }
         let tolerance = self.scale.tolerance;
-        work.fresh = square(&work.row) > tolerance * tolerance * work.length;
+        work.fresh = dot(&work.row, &work.row) > tolerance * tolerance * work.length;
         work.at = 0;
         work.phase = if work.fresh {
-            let (pivot, _) = self.own.choose(&mut work.row, &self.weight);
+            let (pivot, _) = Rows::choose(&mut work.row, &self.weight);
             Phase::ClearOwn { pivot: pivot as u8 }
         } else {
             Phase::Derive
@@ -377,16 +371,15 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
     fn derive(&mut self, f: &SMatrix<T, N, N>) {
         let m = self.work.m;
         self.work.phase = Phase::Next;
-        if self.work.fresh && usize::from(self.order) + 1 < N {
-            let row = get(&self.chain, m, [T::zero(); N]);
-            let mut next = self.times(&row, f, self.scale.time);
+        let last = usize::from(self.order) + 1 >= N;
+        if let Some(row) = self.chain.get(m).filter(|_| self.work.fresh && !last) {
+            let mut next = self.times(row, f, self.scale.time);
             let more = normalise(&mut next);
-            let zero = square(&next) == T::zero();
             if let (Some(chain), Some(e)) = (self.chain.get_mut(m), self.exponent.get_mut(m)) {
                 *chain = next;
                 *e = e.saturating_add(more);
             }
-            if !zero {
+            if dot(&next, &next) != T::zero() {
                 return;
             }
         }
@@ -395,19 +388,10 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
 
     /// A row in canonical units times a matrix in the states' own, times a factor.
     fn times(&self, row: &[T; N], matrix: &SMatrix<T, N, N>, factor: T) -> [T; N] {
-        let mut product = [T::zero(); N];
-        for (i, (x, unit)) in row.iter().zip(&self.scale.unit).enumerate() {
-            if *x == T::zero() {
-                continue;
-            }
-            let x = *x / *unit;
-            for (sum, column) in product.iter_mut().zip(&matrix.data.0) {
-                *sum += x * get(column, i, T::zero());
-            }
-        }
-        for (x, unit) in product.iter_mut().zip(&self.scale.unit) {
-            *x *= factor * *unit;
-        }
+        let mut product = vector::times(row, &self.scale.unit, matrix);
+        vector::combine(&mut product, &self.scale.unit, |x, unit| {
+            x * (factor * unit)
+        });
         product
     }
 
@@ -474,7 +458,7 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
 }
 
 fn finite<T: Real, const N: usize>(matrix: &SMatrix<T, N, N>) -> Result<(), Error> {
-    if matrix.as_slice().iter().all(|x| x.finite()) {
+    if matrix.data.0.iter().all(vector::finite) {
         Ok(())
     } else {
         Err(Error::NonFinite)

@@ -1,7 +1,8 @@
 //! Rows in reduced echelon form, and the row operations of the elimination. Zeros are skipped: the rows of a navigator's
 //! observability matrix hold few numbers, and reduced ones fewer.
 
-use crate::linalg::Real;
+use crate::linalg::{each_state, Real};
+use crate::observability::vector;
 
 /// Reduced rows: each has 1 in its own pivot column and 0 in those of the others.
 #[derive(Clone, Copy, Debug)]
@@ -33,13 +34,11 @@ impl<T: Real, const N: usize> Rows<T, N> {
 
     /// The next accepted row from `from` on that a row still has to be reduced by.
     pub fn next_factor(&self, row: &[T; N], from: usize) -> Option<(usize, T)> {
-        for (a, pivot) in self.pivot.iter().enumerate().take(self.len).skip(from) {
+        (from..self.len).find_map(|a| {
+            let pivot = self.pivot.get(a)?;
             let factor = get(row, usize::from(*pivot), T::zero());
-            if factor != T::zero() {
-                return Some((a, factor));
-            }
-        }
-        None
+            (factor != T::zero()).then_some((a, factor))
+        })
     }
 
     /// Takes row `a`, times its factor, from `row`.
@@ -50,31 +49,37 @@ impl<T: Real, const N: usize> Rows<T, N> {
         }
     }
 
-    /// Chooses the pivot of a reduced row, the state of largest weight, and divides the row by it. Returns 1/pivot.
-    pub fn choose(&self, row: &mut [T; N], weight: &[T; N]) -> (usize, T) {
+    /// Chooses the pivot of a reduced row, the state of largest weight, and divides the row by it. Returns 1/pivot. In the
+    /// pivot columns of other rows it is 0, so those are not taken again.
+    pub fn choose(row: &mut [T; N], weight: &[T; N]) -> (usize, T) {
         let mut best = (0usize, T::zero());
-        for (j, (x, w)) in row.iter().zip(weight).enumerate() {
-            let size = x.abs() * *w;
-            if size > best.1 && self.taken >> (j & 63) & 1 == 0 {
-                best = (j, size);
+        macro_rules! element {
+            ($j:expr) => {
+                if let (Some(x), Some(w)) = (row.get($j), weight.get($j)) {
+                    let size = x.abs() * *w;
+                    if size > best.1 {
+                        best = ($j, size);
+                    }
+                }
+            };
+        }
+        each_state!(element);
+        if N > 15 {
+            for j in 15..N {
+                element!(j);
             }
         }
         let inverse = T::one() / get(row, best.0, T::one());
-        for x in row.iter_mut() {
-            *x *= inverse;
-        }
+        vector::scale(row, inverse);
         (best.0, inverse)
     }
 
     /// The next accepted row from `from` on that holds the column `pivot` of a new row.
     pub fn next_to_clear(&self, pivot: usize, from: usize) -> Option<(usize, T)> {
-        for (a, u) in self.u.iter().enumerate().take(self.len).skip(from) {
-            let factor = get(u, pivot, T::zero());
-            if factor != T::zero() {
-                return Some((a, factor));
-            }
-        }
-        None
+        (from..self.len).find_map(|a| {
+            let factor = get(self.u.get(a)?, pivot, T::zero());
+            (factor != T::zero()).then_some((a, factor))
+        })
     }
 
     /// Clears the column of a new row in row `a`.
@@ -100,42 +105,33 @@ impl<T: Real, const N: usize> Rows<T, N> {
 /// nothing.
 pub(super) fn subtract<T: Real, const N: usize>(row: &mut [T; N], factor: T, other: &[T; N]) {
     let noise = T::of(32.0) * T::EPSILON;
-    for (x, y) in row.iter_mut().zip(other) {
-        if *y == T::zero() {
-            continue;
-        }
-        let part = factor * *y;
-        let rest = *x - part;
-        *x = if rest.abs() <= noise * part.abs() {
-            T::zero()
-        } else {
-            rest
+    macro_rules! element {
+        ($i:expr) => {
+            if let (Some(x), Some(y)) = (row.get_mut($i), other.get($i)) {
+                if *y != T::zero() {
+                    let part = factor * *y;
+                    let rest = *x - part;
+                    *x = if rest.abs() <= noise * part.abs() {
+                        T::zero()
+                    } else {
+                        rest
+                    };
+                }
+            }
         };
     }
-}
-
-/// |row|².
-pub(super) fn square<T: Real>(row: &[T]) -> T {
-    let mut sum = T::zero();
-    for x in row {
-        sum += *x * *x;
+    each_state!(element);
+    if N > 15 {
+        for i in 15..N {
+            element!(i);
+        }
     }
-    sum
 }
 
 /// Divides a row by the power of two nearest below its largest element; returns that power. Exact.
-pub(super) fn normalise<T: Real>(row: &mut [T]) -> i16 {
-    let mut largest = T::zero();
-    for x in row.iter() {
-        if x.abs() > largest {
-            largest = x.abs();
-        }
-    }
-    let exponent = largest.exponent();
-    let factor = T::two_to(-exponent);
-    for x in row {
-        *x *= factor;
-    }
+pub(super) fn normalise<T: Real, const N: usize>(row: &mut [T; N]) -> i16 {
+    let exponent = vector::largest(row).exponent();
+    vector::scale(row, T::two_to(-exponent));
     exponent
 }
 
