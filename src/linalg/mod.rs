@@ -135,11 +135,10 @@ impl Real for f32 {
     fn inverse_root_near(self) -> Self {
         // Half the exponent, negative: 3.4 % off at most; each step of Newton squares that and takes 3/2 of it.
         let half = 0.5 * self;
-        let mut y = f32::from_bits(0x5f37_5a86 - (self.to_bits() >> 1));
-        for _ in 0..3 {
-            y *= 1.5 - half * y * y;
-        }
-        y
+        let closer = |y: f32| y * (1.5 - half * y * y);
+        closer(closer(closer(f32::from_bits(
+            0x5f37_5a86 - (self.to_bits() >> 1),
+        ))))
     }
     #[inline(always)]
     fn exponential(self) -> Self {

@@ -24,7 +24,7 @@ use super::triangle::{self, at, row, row_mut, set, start};
 use super::vector::{self, dot};
 use crate::covariance::Covariance;
 use crate::error::Error;
-use crate::linalg::{each_state, Real};
+use crate::linalg::{each_state, in_order, Real};
 
 /// Vectors of a Krylov space that there is room for.
 const ROOM: usize = 6;
@@ -329,20 +329,22 @@ fn substitute<T: Real, const N: usize, const L: usize>(l: &[T; L], x: &[T; N], y
 /// y = A x
 #[inline(never)] // as above
 fn product<T: Real, const N: usize, const L: usize>(a: &[T; L], x: &[T; N], y: &mut [T; N]) {
+    let x = *x; // in registers, row after row: at opt-level "s" it would be read again for each element
     macro_rules! element {
         ($i:literal; $($j:literal)*; $($k:literal)*) => {
             if let Some(y) = y.get_mut($i) {
-                *y = of(a, const { start($i) + $i }) * of(x, $i)
-                    $(+ of(a, const { start($i) + $j }) * of(x, $j))*
-                    $(+ of(a, const { start($k) + $i }) * of(x, $k))*;
+                *y = of(a, const { start($i) + $i }) * of(&x, $i)
+                    $(+ of(a, const { start($i) + $j }) * of(&x, $j))*
+                    $(+ of(a, const { start($k) + $i }) * of(&x, $k))*;
             }
+            in_order();
         };
     }
     each_row!(element);
     for i in 15..N {
-        let x_i = of(x, i);
+        let x_i = of(&x, i);
         let mut sum = at(a, i, i) * x_i;
-        for ((a, x), y) in row(a, i).iter().zip(x).zip(y.iter_mut()).take(i) {
+        for ((a, x), y) in row(a, i).iter().zip(&x).zip(y.iter_mut()).take(i) {
             *y += *a * x_i;
             sum += *a * *x;
         }
@@ -403,17 +405,25 @@ impl<T: Real> Ritz<T> {
         // Newton's rule for q_k = θ − α_k − β²_{k−1}/q_{k−1}, which is concave there: from below it comes closer
         // without passing. 1/s² is its derivative.
         for _ in 0..NEWTON {
-            let (mut q, mut dq) = (T::one(), T::zero());
-            let (mut ratio, mut off) = (T::zero(), T::zero());
-            for (alpha, beta) in self.alpha.iter().zip(&self.beta).take(self.len + 1) {
-                if q <= T::zero() {
-                    return false;
-                }
-                dq = T::one() + ratio * dq;
-                q = theta - *alpha - off;
-                let over = *beta / q;
-                (ratio, off) = (over * over, over * *beta);
+            let (mut q, mut dq) = (theta - self.alpha[0], T::one());
+            macro_rules! row {
+                ($before:literal, $k:literal) => {
+                    if $k <= self.len {
+                        if q <= T::zero() {
+                            return false;
+                        }
+                        let over = self.beta[$before] / q;
+                        dq = T::one() + over * over * dq;
+                        q = theta - self.alpha[$k] - over * self.beta[$before];
+                    }
+                };
             }
+            row!(0, 1);
+            row!(1, 2);
+            row!(2, 3);
+            row!(3, 4);
+            row!(4, 5);
+            const _: () = assert!(ROOM == 6);
             let step = q / dq;
             theta -= step;
             self.inverse_square = dq;
