@@ -44,7 +44,9 @@ pub struct Linking<'a, const N: usize, const L: usize> {
 
 /// What one search left behind.
 struct Search<const N: usize, const L: usize> {
+    /// By whom an entrance was entered; nothing where it was not.
     entry: [[u8; N]; L],
+    /// By whom an exit was left, likewise.
     exit: [[u8; N]; L],
     entered: [u32; L],
     left: [u32; L],
@@ -82,8 +84,8 @@ fn set<const N: usize, const L: usize>(
 impl<const N: usize, const L: usize> Search<N, L> {
     fn new() -> Self {
         Self {
-            entry: [[NONE; N]; L],
-            exit: [[NONE; N]; L],
+            entry: [[0; N]; L],
+            exit: [[0; N]; L],
             entered: [0; L],
             left: [0; L],
             to_enter: [0; L],
@@ -113,6 +115,11 @@ impl<const N: usize, const L: usize> Search<N, L> {
                 *todo |= bit(state);
             }
         }
+    }
+
+    /// Nothing is to be done in this layer: most of the time in most of them.
+    fn rests(&self, layer: usize) -> bool {
+        at(&self.to_enter, layer, 0) | at(&self.to_leave, layer, 0) == 0
     }
 
     /// One member of a worklist, or none.
@@ -263,6 +270,9 @@ impl<'a, const N: usize, const L: usize> Linking<'a, N, L> {
             for (segment, pattern) in self.segments.iter().enumerate() {
                 for t in 0..self.span {
                     let layer = segment * self.stride + t;
+                    if search.rests(layer) {
+                        continue;
+                    }
                     while let Some(j) = Search::<N, L>::pop(&mut search.to_enter, layer) {
                         idle = false;
                         match cell(&self.prev, layer, j) {

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::bits::{at, bit, first, Bits};
 use crate::error::Error;
-use crate::linalg::Real;
+use crate::linalg::{each_state, Real};
 
 /// Most states that a pattern holds, and most outputs.
 pub const MAX_STATES: usize = 32;
@@ -178,20 +178,12 @@ impl<const N: usize> Pattern<N> {
 
     /// States that act on x_i: row i of A.
     pub fn row(&self, i: usize) -> u32 {
-        let mut row = 0;
-        for (j, to) in self.to.iter().enumerate() {
-            row |= (to >> (i & 31) & 1) << j;
-        }
-        row
+        column(&self.to, i)
     }
 
     /// States that output k sees: row k of C.
     pub fn output_row(&self, k: usize) -> u32 {
-        let mut row = 0;
-        for (j, out) in self.out.iter().enumerate() {
-            row |= (out >> (k & 31) & 1) << j;
-        }
-        row
+        column(&self.out, k)
     }
 
     /// States from which a directed path leads to an output.
@@ -214,6 +206,25 @@ impl<const N: usize> Pattern<N> {
             }
         }
     }
+}
+
+/// Bit i of every word, the first word's first.
+fn column<const N: usize>(words: &[u32; N], i: usize) -> u32 {
+    let mut column = 0;
+    macro_rules! element {
+        ($j:expr) => {
+            if let Some(word) = words.get($j) {
+                column |= (word >> (i & 31) & 1) << $j;
+            }
+        };
+    }
+    each_state!(element);
+    if N > 15 {
+        for j in 15..N {
+            element!(j);
+        }
+    }
+    column
 }
 
 /// Which entries of a row are edges.
