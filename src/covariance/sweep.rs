@@ -73,8 +73,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// P ← P − Σ c cᵀ/s by the panel.
     #[inline(never)]
     pub(super) fn sweep_panel<const M: usize>(&mut self, panel: &Panel<T, M, N>, inverse: &[T; M]) {
-        // read where it is each time: the compiler would copy it first
-        let (panel, inverse) = black_box((panel, inverse));
+        let (panel, inverse) = match M {
+            1 => (panel, inverse),
+            _ => black_box((panel, inverse)), // read where it is each time: the compiler would copy it first
+        };
         macro_rules! c {
             ($state:literal) => {{
                 let mut c = const { [T::ZERO; M] };
