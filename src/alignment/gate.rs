@@ -20,8 +20,9 @@
 use crate::error::Error;
 use crate::error_model::N;
 use crate::filter::{Filter, UpdateReport};
-use crate::measurement::{Linearized, MeasurementRows};
-use nalgebra::SVector;
+use crate::linalg::each_state;
+use crate::measurement::{Kind, Linearized, MeasurementRows};
+use nalgebra::SMatrix;
 
 /// When a state is held and when it is free.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,9 +126,12 @@ impl Gate {
         self.release(&offers, measurement.interval);
         filter.consider(self.held());
         filter.update_into(measurement, report)?;
-        for (sum, offer) in self.offered.iter_mut().zip(&offers) {
-            *sum += *offer;
+        macro_rules! add {
+            ($i:literal) => {
+                self.offered[$i] += offers[$i];
+            };
         }
+        each_state!(add);
         Ok(())
     }
 
@@ -138,9 +142,12 @@ impl Gate {
 
     /// Releases what this update would teach.
     fn release(&mut self, offers: &[f32; N], interval: f32) {
+        if self.held == 0 || interval <= 0.0 {
+            return;
+        }
         for (i, offer) in offers.iter().enumerate() {
             let bit = 1 << i;
-            if self.held & bit != 0 && interval > 0.0 && *offer > self.plan.release * interval {
+            if self.held & bit != 0 && *offer > self.plan.release * interval {
                 self.held &= !bit;
                 // not held again before a whole block has passed
                 self.young |= bit;
@@ -180,29 +187,46 @@ fn offers<const M: usize, H: MeasurementRows<M>>(
     filter: &Filter,
     measurement: &Linearized<M, H>,
 ) -> [f32; N] {
-    let (p, sigma0) = (filter.covariance(), filter.sigma0());
+    let (p, unit) = (filter.covariance(), filter.sigma0());
     let mut offers = [0.0; N];
-    let dense = measurement.dense();
-    for (row, r) in dense.row_iter().zip(measurement.r.iter()) {
-        let mut c = SVector::<f32, N>::zeros();
-        let mut s = *r;
-        for (j, (h, sigma)) in row.iter().zip(sigma0).enumerate() {
-            let h = *h * *sigma;
-            if h != 0.0 {
-                for (i, c) in c.iter_mut().enumerate() {
-                    *c += p.element(i, j) * h;
+    let variances = measurement.r.as_slice().iter();
+    match measurement.h.kind() {
+        Kind::Direct { first } => {
+            for (r, state) in variances.zip(first..) {
+                let mut row = [0.0; N];
+                if let (Some(h), Some(unit)) = (row.get_mut(state), unit.get(state)) {
+                    *h = -*unit;
                 }
+                p.add_shares(&row, *r, &mut offers);
             }
         }
-        for ((h, sigma), c) in row.iter().zip(sigma0).zip(c.iter()) {
-            s += *h * *sigma * *c;
-        }
-        for (i, (offer, c)) in offers.iter_mut().zip(c.iter()).enumerate() {
-            let sp = s * p.variance(i);
-            if sp > 0.0 {
-                *offer += *c * *c / sp;
+        rows => {
+            let dense = rows.dense();
+            for (m, r) in variances.enumerate() {
+                p.add_shares(&in_units(&dense, m, unit), *r, &mut offers);
             }
         }
     }
-    offers.map(|offer: f32| offer.min(1.0))
+    macro_rules! bound {
+        ($i:literal) => {
+            offers[$i] = f32::min(offers[$i], 1.0);
+        };
+    }
+    each_state!(bound);
+    offers
+}
+
+/// Row m of H, states in these units.
+#[inline(always)]
+fn in_units<const M: usize>(h: &SMatrix<f32, M, N>, m: usize, unit: &[f32; N]) -> [f32; N] {
+    let mut row = [0.0; N];
+    macro_rules! one {
+        ($j:literal) => {
+            if let Some(h) = h.data.0[$j].get(m) {
+                row[$j] = *h * unit[$j];
+            }
+        };
+    }
+    each_state!(one);
+    row
 }

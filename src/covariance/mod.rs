@@ -3,6 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `packed` | [`Covariance`]: upper triangle, two words per element; how it is made and read |
+//! | `column` | one column, and what one row by itself would take of each variance: spelled out |
 //! | `general` | [`Covariance::propagate`]: any N, any dense A = Φ − I |
 //! | `structured` | [`Covariance15::propagate_blocks`]: the 15-state pattern of [`crate::linalg::BlockTransition`], spelled out |
 //! | `update` | [`Covariance::update`]: M rows in one sweep, each with its gate |
@@ -13,6 +14,7 @@
 
 mod careful;
 mod chains;
+mod column;
 mod direct;
 mod general;
 mod packed;
