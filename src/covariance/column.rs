@@ -1,4 +1,4 @@
-//! Columns, spelled out for up to 15 states: at opt-level "s" [`super::packed::column`] is a loop of twice
+//! Columns and the diagonal, spelled out for up to 15 states: at opt-level "s" [`super::packed::column`] is a loop of twice
 //! the instructions.
 
 use super::packed::{upper, Covariance};
@@ -72,6 +72,23 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         }
         each_state!(share);
     }
+
+    /// All variances, written where they are wanted.
+    #[inline(always)]
+    pub(crate) fn variances_into(&self, to: &mut [T; N]) {
+        const { Self::SIZE };
+        macro_rules! one {
+            ($i:literal) => {
+                if $i < N {
+                    to[$i] = self.hi[upper($i, $i)];
+                }
+            };
+        }
+        each_state!(one);
+        if N > 15 {
+            *to = self.diagonal();
+        }
+    }
 }
 
 #[cfg(test)]
@@ -96,5 +113,8 @@ mod tests {
                 assert!((share - 1.0 - (1.0 - left / p[(i, i)])).abs() < 1e-14);
             }
         }
+        let mut variances = [0.0; 5];
+        packed.variances_into(&mut variances);
+        assert_eq!(variances, packed.diagonal());
     }
 }

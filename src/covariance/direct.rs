@@ -7,7 +7,7 @@
 //! Nothing is subtracted where the variance falls. It writes nothing when another variance would fall to less than half,
 //! or anything is not as it should be: the careful update knows what to do then.
 
-use super::packed::{at, column, upper, Covariance};
+use super::packed::{at, upper, Covariance};
 use crate::linalg::{each_state, two_add, Real};
 
 /// What the rows of a fix did together.
@@ -31,8 +31,9 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N > 15 || k >= N {
             return false;
         }
-        let c = column::<T, N>(&self.hi, k);
-        let p = c.get(k).copied().unwrap_or_else(T::zero);
+        let c = self.spelled_column(k);
+        // not c[k], so that c may live in registers
+        let p = self.hi.get(upper(k, k)).copied().unwrap_or_else(T::zero);
         let s = p + r;
         let inverse = T::one() / s;
         let nis = nu * nu * inverse;
@@ -79,12 +80,17 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         each_state!(sweep);
         *sums.nis += nis;
         let shrink = inverse * r;
-        for (i, c) in c.iter().enumerate() {
-            let e = at(i, k);
-            if let (Some(hi), Some(lo)) = (self.hi.get_mut(e), self.lo.get_mut(e)) {
-                (*hi, *lo) = (*c * shrink, T::zero());
-            }
+        macro_rules! own {
+            ($i:literal) => {
+                if $i < N {
+                    let e = at($i, k);
+                    if let (Some(hi), Some(lo)) = (self.hi.get_mut(e), self.lo.get_mut(e)) {
+                        (*hi, *lo) = (c[$i] * shrink, T::zero());
+                    }
+                }
+            };
         }
+        each_state!(own);
         true
     }
 }

@@ -3,7 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `packed` | [`Covariance`]: upper triangle, two words per element; how it is made and read |
-//! | `column` | one column, and what one row by itself would take of each variance: spelled out |
+//! | `column` | one column, the variances, what one row by itself would take of them: spelled out |
 //! | `general` | [`Covariance::propagate`]: any N, any dense A = Φ − I |
 //! | `structured` | [`Covariance15::propagate_blocks`]: the 15-state pattern of [`crate::linalg::BlockTransition`], spelled out |
 //! | `update` | [`Covariance::update`]: M rows in one sweep, each with its gate |

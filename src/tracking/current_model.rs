@@ -152,7 +152,15 @@ impl<T: Real> Transition<T> {
     /// Q for an acceleration variance σ² [m²/s⁴]: elements 11, 12, 13, 22, 23, 33 [m² … m²/s⁴].
     pub fn noise(&self, sigma2: T) -> [T; 6] {
         let density = T::of(2.0) * sigma2 / self.tau;
-        self.q.map(|q| density * q)
+        let [q11, q12, q13, q22, q23, q33] = self.q;
+        [
+            density * q11,
+            density * q12,
+            density * q13,
+            density * q22,
+            density * q23,
+            density * q33,
+        ]
     }
 }
 

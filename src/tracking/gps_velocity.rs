@@ -243,33 +243,39 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
         if dt <= T::zero() || dt > self.settings.longest {
             return Err(Error::Time);
         }
-        let model = self.settings.model;
+        let model = &self.settings.model;
         let over = match self.transition {
             Some(t) if t.dt == dt => t,
             _ => Transition::new(dt, model.tau)?,
         };
-        let state = self.state();
-        let mut x = self.x;
+        let mut moved = const { [[(T::ZERO, T::ZERO); 3]; AXES] };
         let mut sigma2 = self.sigma2;
-        let mut chains = [Chain {
-            a: const { [T::ZERO; 4] },
-            q: const { [T::ZERO; 6] },
-        }; AXES];
+        let mut chains = const {
+            [Chain {
+                a: [T::ZERO; 4],
+                q: [T::ZERO; 6],
+            }; AXES]
+        };
         let [phi_p, phi_v, phi_a] = over.phi;
-        let moving = state.velocity.iter().zip(&state.acceleration);
-        let axes = moving.zip(&mut sigma2).zip(&mut chains).enumerate();
-        for (axis, (((v, acc), sigma2), chain)) in axes {
-            let index = [axis, AXES + axis, 2 * AXES + axis];
-            let gain = model.gain(&over, *acc);
-            *sigma2 = model.sigma2(*acc + at(&gain, 2));
-            let [gain_p, gain_v, gain_a] = gain;
-            let steps = [dt * *v + gain_p, gain_v, gain_a];
-            for (i, step) in index.iter().zip(steps) {
-                if let Some(x) = x.get_mut(*i) {
-                    *x = two_add(x.0, x.1, step);
-                }
-            }
-            let [unit_p, unit_v, unit_a] = index.map(|i| at(&self.unit, i));
+        let mut finite = true;
+        let axes = moved.iter_mut().zip(&mut sigma2).zip(&mut chains);
+        for (axis, ((moved, sigma2), chain)) in axes.enumerate() {
+            let x = |kind: usize| match self.x.get(kind * AXES + axis) {
+                Some(x) => *x,
+                None => (T::ZERO, T::ZERO),
+            };
+            let (p, v, acc) = (x(0), x(1), x(2));
+            let [gain_p, gain_v, gain_a] = model.gain(&over, acc.0);
+            *sigma2 = model.sigma2(acc.0 + gain_a);
+            *moved = [
+                two_add(p.0, p.1, dt * v.0 + gain_p),
+                two_add(v.0, v.1, gain_v),
+                two_add(acc.0, acc.1, gain_a),
+            ];
+            let [p, v, acc] = moved;
+            finite &= p.0.finite() & v.0.finite() & acc.0.finite();
+            let unit = |kind: usize| at(&self.unit, kind * AXES + axis);
+            let (unit_p, unit_v, unit_a) = (unit(0), unit(1), unit(2));
             chain.a = [
                 dt * unit_v / unit_p,
                 phi_p * unit_a / unit_p,
@@ -286,11 +292,18 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
                 q33 / unit_a / unit_a,
             ];
         }
-        if x.iter().any(|x| !x.0.finite()) {
+        if !finite {
             return Err(Error::OutOfRange);
         }
         self.covariance.propagate_chains(&chains);
-        (self.x, self.sigma2, self.transition) = (x, sigma2, Some(over));
+        for (axis, [p, v, acc]) in moved.iter().enumerate() {
+            for (kind, moved) in [p, v, acc].into_iter().enumerate() {
+                if let Some(x) = self.x.get_mut(kind * AXES + axis) {
+                    *x = *moved;
+                }
+            }
+        }
+        (self.sigma2, self.transition) = (sigma2, Some(over));
         Ok(())
     }
 
@@ -330,7 +343,7 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
         report.outcome = [[Outcome::Missing; AXES]; 2];
         report.nis = T::zero();
         report.decrease = const { [T::ZERO; N] };
-        report.h.fill(T::zero());
+        report.h.data.0 = const { [[T::ZERO; N]; N] };
         report.r = [T::one(); N];
         let mut failed = self.failed;
         let mut work = Work {
@@ -345,8 +358,8 @@ impl<T: Real, const AXES: usize, const N: usize, const L: usize> Tracker<T, AXES
                 Noise::Correlated(_) => self.correlated(kind, reading, &mut work, report)?,
             }
         }
-        report.p_before = self.covariance.diagonal();
-        report.p_after = work.covariance.diagonal();
+        self.covariance.variances_into(&mut report.p_before);
+        work.covariance.variances_into(&mut report.p_after);
         for ((x, d), unit) in self.x.iter().zip(&work.dx).zip(&self.unit) {
             if !(x.0 - *d * *unit).finite() {
                 return Err(Error::OutOfRange);
