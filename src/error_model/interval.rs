@@ -168,12 +168,13 @@ impl<T: Real> Scaling<T> {
 /// Unit of each of three states, `columns` on, over that of each of three, `rows` on.
 #[inline(never)]
 fn ratios<T: Real>(ratios: &mut Matrix3<T>, unit: &[T; 15], rows: usize, columns: usize) {
+    let Some([x, y, z]) = unit.get(rows..).and_then(<[T]>::first_chunk) else {
+        return;
+    };
     let columns = unit.iter().skip(columns);
     for (to, column) in looped_mut(&mut ratios.data.0).iter_mut().zip(columns) {
-        for (to, row) in to.iter_mut().zip(unit.iter().skip(rows)) {
-            rolled();
-            *to = *column / *row;
-        }
+        rolled();
+        *to = [*column / *x, *column / *y, *column / *z];
     }
 }
 
