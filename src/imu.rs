@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use crate::attitude::Rfu;
 use crate::error::Error;
-use crate::linalg::all_finite;
+use crate::linalg::{all_finite, divided};
 
 /// Increments over one sample, body axes right-forward-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -179,10 +179,11 @@ impl ConingSculling {
     };
 
     /// Mean angular rate of the sample remembered, as measured, body axes [rad/s]; None before the first.
+    #[inline(always)]
     pub fn rate(&self) -> Option<Vector3<f32>> {
         // A sample of a second without any rate and force is not told from none; its rate is zero as well.
         let blank = *self == Self::NEW;
-        (!blank).then(|| self.delta_theta_b / self.dt)
+        (!blank).then(|| divided(&self.delta_theta_b, self.dt))
     }
 
     /// This sample with coning and sculling taken into account. `imu` has been checked; it is not yet remembered.

@@ -7,7 +7,7 @@ use crate::attitude::{c_b_n, normalized, product, rotation_minus_one, Enu, Euler
 use crate::earth::{Geodetic, Local};
 use crate::error::Error;
 use crate::imu::{ConingSculling, ImuIncrement, ImuLimits};
-use crate::linalg::{all_finite, each_state, Two};
+use crate::linalg::{all_finite, each_state, minus, Two};
 use crate::mechanization::{admit, Step, Strapdown};
 
 /// Largest gyro bias that is compensated, per axis [rad/s].
@@ -217,6 +217,7 @@ impl NavState {
     }
 
     /// Direction cosine matrix, body to n.
+    #[inline]
     pub fn c_b_n(&self) -> Matrix3<f32> {
         c_b_n(self.quaternion())
     }
@@ -269,10 +270,12 @@ impl NavState {
     /// Mean angular rate over the last sample, the bias taken off, body axes [rad/s]; zero before the first sample.
     ///
     /// It belongs to the middle of that sample: with an angular acceleration α it lags by α T/2.
+    #[inline]
     pub fn omega_ib_b(&self) -> Vector3<f32> {
-        self.coning
-            .rate()
-            .map_or(Vector3::zeros(), |omega| omega - self.b_g)
+        match self.coning.rate() {
+            Some(omega) => minus(&omega, &self.b_g),
+            None => Vector3::zeros(),
+        }
     }
 
     /// Trigonometry, radii and gravity at the present position.

@@ -106,7 +106,8 @@ impl Antenna {
 
     /// C [l×]
     pub(super) fn turned(&self, c_b_n: &Matrix3<f32>) -> Matrix3<f32> {
-        let [e, n, u] = rows(c_b_n).map(|row| cross(&row, &self.l));
+        let [e, n, u] = rows(c_b_n);
+        let (e, n, u) = (cross(&e, &self.l), cross(&n, &self.l), cross(&u, &self.l));
         Matrix3::new(e.x, e.y, e.z, n.x, n.y, n.z, u.x, u.y, u.z)
     }
 }

@@ -7,6 +7,7 @@ use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::earth::Geodetic;
 use crate::error::Error;
 use crate::error_model::{N, POS};
+use crate::linalg::minus;
 use crate::nav::NavState;
 
 /// Geodetic position of the IMU or of an antenna: z = (L, λ, h) + noise, compared in metres.
@@ -93,7 +94,7 @@ impl Position {
     #[inline(always)]
     pub(super) fn innovation_at(&self, nav: &NavState, offset: &Vector3<f32>) -> Vector3<f32> {
         self.accuracy
-            .decorrelated(&(self.displacement(nav) - offset))
+            .decorrelated(&minus(&self.displacement(nav), offset))
     }
 
     /// `new` has checked z.

@@ -7,6 +7,7 @@ use super::{check_interval, Accuracy, Antenna, Jacobian, Linearized};
 use crate::attitude::Enu;
 use crate::error::Error;
 use crate::error_model::{N, VEL};
+use crate::linalg::minus;
 use crate::mechanization::MAX_SPEED;
 use crate::nav::NavState;
 
@@ -106,7 +107,8 @@ impl Velocity {
     /// The innovation with the antenna moving at `motion` against the IMU, the correlations taken out.
     #[inline(always)]
     pub(super) fn innovation_at(&self, nav: &NavState, motion: &Vector3<f32>) -> Vector3<f32> {
-        self.accuracy.decorrelated(&(self.difference(nav) - motion))
+        self.accuracy
+            .decorrelated(&minus(&self.difference(nav), motion))
     }
 
     fn difference(&self, nav: &NavState) -> Vector3<f32> {
