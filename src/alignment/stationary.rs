@@ -36,6 +36,19 @@ use crate::measurement::{ZeroRotation, ZeroVelocity};
 
 /// Blocks in a window.
 const BLOCKS: usize = 5;
+
+/// Calls `$m!(0)` … `$m!(4)`: what is spelled out costs the same at opt-level "s" and 3.
+macro_rules! each_block {
+    ($m:ident) => {
+        const { assert!(BLOCKS == 5) };
+        $m!(0);
+        $m!(1);
+        $m!(2);
+        $m!(3);
+        $m!(4);
+    };
+}
+
 /// Degrees of freedom of the scatter.
 const SCATTER_FREEDOM: f32 = 6.0 * (BLOCKS as f32 - 1.0);
 /// 0.9999 quantile of χ²₂₄ over 24: one false refusal in 10 000 windows of a sensor as good as its data sheet.
@@ -255,24 +268,39 @@ impl StationaryDetector {
     fn look(&mut self) -> Look {
         let s = &self.settings;
         let mut sum = Block::EMPTY;
-        for block in &self.blocks {
-            sum = sum.with(&block.delta_theta, &block.delta_v, block.dt);
+        macro_rules! add {
+            ($i:literal) => {
+                let block = &self.blocks[$i];
+                sum = sum.with(&block.delta_theta, &block.delta_v, block.dt);
+            };
         }
+        each_block!(add);
         let rate = divided(&sum.delta_theta, sum.dt);
         let force = divided(&sum.delta_v, sum.dt);
-        let variance = |walk: f32, residual: f32, dt: f32| walk * walk / dt + residual * residual;
+        let (rate_walk, force_walk) = (
+            s.angle_walk * s.angle_walk,
+            s.velocity_walk * s.velocity_walk,
+        );
+        let (rate_floor, force_floor) = (
+            s.residual_rate * s.residual_rate,
+            s.residual_accel * s.residual_accel,
+        );
         let mut scatter = 0.0;
-        for block in &self.blocks {
-            let w = minus(&divided(&block.delta_theta, block.dt), &rate);
-            let f = minus(&divided(&block.delta_v, block.dt), &force);
-            scatter += dot(&w, &w) / variance(s.angle_walk, s.residual_rate, block.dt)
-                + dot(&f, &f) / variance(s.velocity_walk, s.residual_accel, block.dt);
+        macro_rules! add {
+            ($i:literal) => {
+                let block = &self.blocks[$i];
+                let w = minus(&divided(&block.delta_theta, block.dt), &rate);
+                let f = minus(&divided(&block.delta_v, block.dt), &force);
+                scatter += dot(&w, &w) / (rate_walk / block.dt + rate_floor)
+                    + dot(&f, &f) / (force_walk / block.dt + force_floor);
+            };
         }
+        each_block!(add);
         scatter /= SCATTER_FREEDOM;
         let fifth = 1.0 / BLOCKS as f32;
         let block = sum.dt * fifth;
-        let var_rate = variance(s.angle_walk, s.residual_rate, block) * fifth;
-        let var_force = variance(s.velocity_walk, s.residual_accel, block) * fifth;
+        let var_rate = (rate_walk / block + rate_floor) * fifth;
+        let var_force = (force_walk / block + force_floor) * fifth;
         let earth2 = (OMEGA_IE * OMEGA_IE) as f32;
         let heavier = libm::sqrtf(dot(&force, &force)) - s.gravity;
         // A window that shakes says less of its means.
