@@ -79,7 +79,11 @@ impl<T: Real, const N: usize> Unseen<T, N> {
     pub fn find<const M: usize>(&mut self, staged: &Staged<T, N, M>) {
         let scale = staged.scale();
         self.basis.len = 0;
-        for free in 0..N {
+        let states = if N >= 64 { u64::MAX } else { (1 << N) - 1 };
+        let mut left = states & !staged.pivots();
+        while left != 0 {
+            let free = left.trailing_zeros() as usize;
+            left &= left - 1;
             if let Some(mut v) = null_vector(staged, free) {
                 let mut largest = T::zero();
                 for (x, (unit, sigma)) in v.iter_mut().zip(scale.unit.iter().zip(&scale.sigma)) {
