@@ -1,35 +1,37 @@
-//! Columns and the diagonal, spelled out for up to 15 states: at opt-level "s" [`super::packed::column`] is a loop of twice
-//! the instructions.
+//! Columns and the diagonal, spelled out for up to 15 states: at opt-level "s" [`column`] is a loop of twice the
+//! instructions.
 
-use super::packed::{upper, Covariance};
+use super::packed::{column, upper, Covariance};
 use crate::linalg::{each_state, Real};
+
+/// Column k of the symmetric matrix of which `words` is the packed triangle, as [`column`].
+#[inline(always)]
+pub(super) fn spelled_column<T: Real, const N: usize>(words: &[T], k: usize) -> [T; N] {
+    if N > 15 {
+        return column(words, k);
+    }
+    let mut c = const { [T::ZERO; N] };
+    // from place to place; `packed::at` of each would be kept for those who write the column back, on the stack
+    let mut e = upper(0, k);
+    macro_rules! one {
+        ($i:literal) => {
+            if $i < N {
+                if $i > 0 {
+                    e += if $i < k + 1 { 1 } else { $i };
+                }
+                if let Some(p) = words.get(e) {
+                    c[$i] = *p;
+                }
+            }
+        };
+    }
+    each_state!(one);
+    c
+}
 
 impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     /// Holds at compile time where a kernel is spelled out.
     const SPELLED: () = assert!(N <= 15, "more states than are spelled out");
-
-    /// Column k. What there is no state for is zero.
-    #[inline(always)]
-    pub(super) fn spelled_column(&self, k: usize) -> [T; N] {
-        const { Self::SIZE };
-        let mut c = const { [T::ZERO; N] };
-        // from place to place; `packed::at` of each would be kept for those who write the column back, on the stack
-        let mut e = upper(0, k);
-        macro_rules! one {
-            ($i:literal) => {
-                if $i < N {
-                    if $i > 0 {
-                        e += if $i < k + 1 { 1 } else { $i };
-                    }
-                    if let Some(p) = self.hi.get(e) {
-                        c[$i] = *p;
-                    }
-                }
-            };
-        }
-        each_state!(one);
-        c
-    }
 
     /// Adds to `shares` what one row by itself would take of each variance: c²/(s p) with c = P h, s = hᵀ c + r.
     ///
@@ -40,7 +42,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         let mut c = const { [T::ZERO; N] };
         for (j, h) in h.iter().enumerate() {
             if *h != T::zero() {
-                let p = self.spelled_column(j);
+                let p = spelled_column::<T, N>(&self.hi, j);
                 macro_rules! one {
                     ($i:literal) => {
                         if $i < N {

@@ -7,6 +7,7 @@
 //! Nothing is subtracted where the variance falls. It writes nothing when another variance would fall to less than half,
 //! or anything is not as it should be: the careful update knows what to do then.
 
+use super::column::spelled_column;
 use super::packed::{at, upper, Covariance};
 use crate::linalg::{each_state, two_add, Real};
 
@@ -31,7 +32,7 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
         if N > 15 || k >= N {
             return false;
         }
-        let c = self.spelled_column(k);
+        let c = spelled_column::<T, N>(&self.hi, k);
         // not c[k], so that c may live in registers
         let p = self.hi.get(upper(k, k)).copied().unwrap_or_else(T::zero);
         let s = p + r;

@@ -1,6 +1,7 @@
 //! Propagation with any transition.
 
-use super::packed::{column, Covariance};
+use super::column::spelled_column;
+use super::packed::Covariance;
 use crate::linalg::{Pair, Real};
 use nalgebra::{SMatrix, SVector};
 
@@ -43,10 +44,10 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
     fn propagate_with(&mut self, a: &SMatrix<T, N, N>, noise: impl Fn(usize, &mut [T; N])) {
         const { Self::SIZE };
         // b[j] is column j of B = A P
-        let mut j = 0;
-        let b = [(); N].map(|()| {
-            let mut b = [Pair::ZERO; N];
-            let (hi, lo): ([T; N], [T; N]) = (column(&self.hi, j), column(&self.lo, j));
+        let mut b = const { [[Pair::<T>::ZERO; N]; N] };
+        for (j, b) in b.iter_mut().enumerate() {
+            let (hi, lo): ([T; N], [T; N]) =
+                (spelled_column(&self.hi, j), spelled_column(&self.lo, j));
             for ((a, hi), lo) in a.column_iter().zip(hi).zip(lo) {
                 for (b, a) in b.iter_mut().zip(a.iter()) {
                     if *a != T::zero() {
@@ -54,14 +55,15 @@ impl<T: Real, const N: usize, const L: usize> Covariance<T, N, L> {
                     }
                 }
             }
-            j += 1;
-            b
-        });
+        }
         let mut words = self.hi.iter_mut().zip(self.lo.iter_mut());
         for (j, (b_j, a_j)) in b.iter().zip(a.row_iter()).enumerate() {
             let mut column = [T::zero(); N];
             noise(j, &mut column);
-            let mut delta = column.map(Pair::of);
+            let mut delta = const { [Pair::<T>::ZERO; N] };
+            for (d, q) in delta.iter_mut().zip(column) {
+                d.hi = q;
+            }
             for (b_k, a_jk) in b.iter().zip(a_j.iter()) {
                 if *a_jk != T::zero() {
                     for (d, b) in delta.iter_mut().zip(b_k).take(j + 1) {
