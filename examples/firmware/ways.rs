@@ -88,7 +88,7 @@ pub fn run(table: &mut Table) -> core::fmt::Result {
             let limits = Limits::default();
             unseen.find(staged);
             let view = View::of(staged, unseen, 8, None, Some(400.0), &limits);
-            Ok(view.flag(&limits))
+            Ok((view.flag(&limits), view))
         },
     )?;
     eigenvalues(table, &north, &h, &scale)?;

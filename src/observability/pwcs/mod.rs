@@ -425,9 +425,7 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
         let pivot = self.pivot(row)?;
         let mut out = *self.rows.u.get(row)?;
         let own = get(&self.scale.unit, pivot, T::one());
-        for (x, unit) in out.iter_mut().zip(&self.scale.unit) {
-            *x = *x * own / *unit;
-        }
+        vector::combine(&mut out, &self.scale.unit, |x, unit| x * own / unit);
         Some(out)
     }
 
@@ -445,7 +443,9 @@ impl<T: Real, const N: usize, const M: usize> Staged<T, N, M> {
         let mut sum = T::zero();
         for (x, origin) in p.iter().zip(&self.origin) {
             if origin.order == order {
-                let part = T::of(libm::ldexp(x.wide(), -i32::from(origin.exponent)));
+                // in two steps: an exponent may be beyond those of T
+                let half = origin.exponent / 2;
+                let part = *x * T::two_to(-half) * T::two_to(half - origin.exponent);
                 sum += part * part;
             }
         }
