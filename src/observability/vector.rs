@@ -3,25 +3,32 @@
 
 use nalgebra::SMatrix;
 
-use crate::linalg::{each_state, Real};
+use crate::linalg::Real;
+
+/// Calls `$m!(0)` … `$m!(N − 1)`, the first fifteen spelled out.
+macro_rules! each_element {
+    ($n:ident, $m:ident) => {
+        $crate::linalg::each_state!($m);
+        for i in 15..$n {
+            $m!(i);
+        }
+    };
+}
+
+pub(super) use each_element;
 
 /// Σ x y.
 #[inline]
 pub(super) fn dot<T: Real, const N: usize>(x: &[T; N], y: &[T; N]) -> T {
     let mut sum = T::zero();
     macro_rules! element {
-        ($i:literal) => {
+        ($i:expr) => {
             if let (Some(x), Some(y)) = (x.get($i), y.get($i)) {
                 sum += *x * *y;
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for (x, y) in x.iter().zip(y).skip(15) {
-            sum += *x * *y;
-        }
-    }
+    each_element!(N, element);
     sum
 }
 
@@ -29,54 +36,39 @@ pub(super) fn dot<T: Real, const N: usize>(x: &[T; N], y: &[T; N]) -> T {
 #[inline]
 pub(super) fn add<T: Real, const N: usize>(x: &mut [T; N], factor: T, y: &[T; N]) {
     macro_rules! element {
-        ($i:literal) => {
+        ($i:expr) => {
             if let (Some(x), Some(y)) = (x.get_mut($i), y.get($i)) {
                 *x += factor * *y;
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for (x, y) in x.iter_mut().zip(y).skip(15) {
-            *x += factor * *y;
-        }
-    }
+    each_element!(N, element);
 }
 
 /// x ← factor x.
 #[inline]
 pub(super) fn scale<T: Real, const N: usize>(x: &mut [T; N], factor: T) {
     macro_rules! element {
-        ($i:literal) => {
+        ($i:expr) => {
             if let Some(x) = x.get_mut($i) {
                 *x *= factor;
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for x in x.iter_mut().skip(15) {
-            *x *= factor;
-        }
-    }
+    each_element!(N, element);
 }
 
 /// x ← cos x + sin y, y ← cos y − sin x.
 #[inline]
 pub(super) fn turn<T: Real, const N: usize>(x: &mut [T; N], y: &mut [T; N], cos: T, sin: T) {
     macro_rules! element {
-        ($i:literal) => {
+        ($i:expr) => {
             if let (Some(x), Some(y)) = (x.get_mut($i), y.get_mut($i)) {
                 (*x, *y) = (cos * *x + sin * *y, cos * *y - sin * *x);
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for (x, y) in x.iter_mut().zip(y).skip(15) {
-            (*x, *y) = (cos * *x + sin * *y, cos * *y - sin * *x);
-        }
-    }
+    each_element!(N, element);
 }
 
 /// x ← x − a·y − b·z, the two products summed first.
@@ -87,18 +79,13 @@ pub(super) fn take_off_two<T: Real, const N: usize>(
     (b, z): (T, &[T; N]),
 ) {
     macro_rules! element {
-        ($i:literal) => {
+        ($i:expr) => {
             if let (Some(x), Some(y), Some(z)) = (x.get_mut($i), y.get($i), z.get($i)) {
                 *x -= a * *y + b * *z;
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for (x, (y, z)) in x.iter_mut().zip(y.iter().zip(z)).skip(15) {
-            *x -= a * *y + b * *z;
-        }
-    }
+    each_element!(N, element);
 }
 
 /// x_i ← f(x_i, y_i).
@@ -111,12 +98,7 @@ pub(super) fn combine<T: Real, const N: usize>(x: &mut [T; N], y: &[T; N], f: im
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for i in 15..N {
-            element!(i);
-        }
-    }
+    each_element!(N, element);
 }
 
 /// The largest |x|.
@@ -132,12 +114,7 @@ pub(super) fn largest<T: Real, const N: usize>(x: &[T; N]) -> T {
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for i in 15..N {
-            element!(i);
-        }
-    }
+    each_element!(N, element);
     largest
 }
 
@@ -152,12 +129,7 @@ pub(super) fn finite<T: Real, const N: usize>(x: &[T; N]) -> bool {
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for i in 15..N {
-            element!(i);
-        }
-    }
+    each_element!(N, element);
     sum == T::zero()
 }
 
@@ -176,12 +148,7 @@ pub(super) fn row<T: Real, const M: usize, const N: usize>(
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for j in 15..N {
-            element!(j);
-        }
-    }
+    each_element!(N, element);
     row
 }
 
@@ -206,12 +173,7 @@ pub(super) fn times<T: Real, const N: usize>(
                 }
             };
         }
-        each_state!(element);
-        if N > 15 {
-            for j in 15..N {
-                element!(j);
-            }
-        }
+        each_element!(N, element);
     }
     product
 }

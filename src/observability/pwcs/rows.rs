@@ -1,8 +1,8 @@
 //! Rows in reduced echelon form, and the row operations of the elimination. Zeros are skipped: the rows of a navigator's
 //! observability matrix hold few numbers, and reduced ones fewer.
 
-use crate::linalg::{each_state, Real};
-use crate::observability::vector;
+use crate::linalg::Real;
+use crate::observability::vector::{self, each_element};
 
 /// Reduced rows: each has 1 in its own pivot column and 0 in those of the others.
 #[derive(Clone, Copy, Debug)]
@@ -63,12 +63,7 @@ impl<T: Real, const N: usize> Rows<T, N> {
                 }
             };
         }
-        each_state!(element);
-        if N > 15 {
-            for j in 15..N {
-                element!(j);
-            }
-        }
+        each_element!(N, element);
         let inverse = T::one() / get(row, best.0, T::one());
         vector::scale(row, inverse);
         (best.0, inverse)
@@ -120,12 +115,7 @@ pub(super) fn subtract<T: Real, const N: usize>(row: &mut [T; N], factor: T, oth
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for i in 15..N {
-            element!(i);
-        }
-    }
+    each_element!(N, element);
 }
 
 /// Divides a row by the power of two nearest below its largest element; returns that power. Exact.

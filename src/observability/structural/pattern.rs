@@ -4,7 +4,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::bits::{at, bit, first, Bits};
 use crate::error::Error;
-use crate::linalg::{each_state, Real};
+use crate::linalg::Real;
+use crate::observability::vector::each_element;
 
 /// Most states that a pattern holds, and most outputs.
 pub const MAX_STATES: usize = 32;
@@ -218,12 +219,7 @@ fn column<const N: usize>(words: &[u32; N], i: usize) -> u32 {
             }
         };
     }
-    each_state!(element);
-    if N > 15 {
-        for j in 15..N {
-            element!(j);
-        }
-    }
+    each_element!(N, element);
     column
 }
 
