@@ -127,7 +127,8 @@ impl Filter {
                 if job.considered == 0 && p.update_block::<M, FIRST>(&job.lines, out, accept)? {
                     return Ok(());
                 }
-                update_carefully(p, Pattern::Direct { first: FIRST }, job, room, out, accept)
+                let h = Pattern::Direct { first: FIRST };
+                p.update_carefully_by(&job.lines, h, job.considered, room.pairs(), out, accept)
             },
         )
     }
@@ -248,18 +249,6 @@ fn update_any<const M: usize>(
     if job.considered == 0 && p.update_swiftly(&job.lines, h, panel, out, accept)? {
         return Ok(());
     }
-    update_carefully(p, h, job, room, out, accept)
-}
-
-#[inline(always)]
-fn update_carefully<const M: usize>(
-    p: &mut Covariance15<f32>,
-    h: Pattern<'_, f32, M, N>,
-    job: &Job<'_, M>,
-    room: &mut Room,
-    out: &mut Slots<'_, f32, M, N>,
-    accept: &mut dyn FnMut(&[f32; N]) -> Result<(), Error>,
-) -> Result<(), Error> {
     p.update_carefully_by(&job.lines, h, job.considered, room.pairs(), out, accept)
 }
 
